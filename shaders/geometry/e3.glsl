@@ -1,0 +1,93 @@
+// Euclidean space. Twin: src/geometry/e3.rs.
+//
+// CONTRACT. A file in this folder defines the functions below for one geometry, in f32, under the names of the
+// trait Geometry in src/geometry/mod.rs with the prefix geo_ (test: shaders::contract). The build compiles every
+// entry point once with each of the files; nothing else in the shaders knows which one it is.
+//
+//   vec4     geo_base()                                     the base point
+//   float    geo_inner(vec4 p, vec4 u, vec4 v)              the metric at p
+//   Geodesic geo_flow(Geodesic g, float t)                  exact flow by arc length t, any sign
+//   vec4     geo_log(vec4 p, vec4 q, out float length)      unit velocity and length of the shortest geodesic p -> q
+//   float    geo_area_density(Geodesic g, float t)          wavefront area per solid angle after length t
+//   float    geo_length(Geodesic g, float u)                arc length at curve parameter u
+//   float    geo_parameter_at(Geodesic g, float t)          curve parameter at arc length t >= 0
+//   Geodesic geo_advance(Geodesic g, float u)               state at curve parameter u
+//   float    geo_exit(Geodesic g, vec4 plane)               first u >= 0 where g leaves through plane; else infinity
+//   float    geo_chord(Geodesic g, float u_max, float tol)  largest u <= u_max whose chord deviates at most tol
+//   float    geo_parameter(Geodesic g, vec3 c)              u of the curve's point nearest to chart point c
+//   Geodesic geo_restore(Geodesic g)                        the state, back on the model
+//   vec3     geo_chart(vec4 p)                              chart coordinates
+//   vec4     geo_unchart(vec3 c)                            and back
+//   vec4     geo_raise(vec4 p, vec3 conormal)               unit normal of a surface with this chart conormal
+//   Geodesic geo_apply(Isometry m, Geodesic g)              image of the state under an isometry
+//
+// The curve parameter is the geometry's own: 0 at the start, increasing with arc length, chosen so that exits
+// are cheap. A segment for traversal is the chord chart(g) .. chart(geo_advance(g, u)), so where geodesics are
+// straight in the chart geo_chord returns u_max, and elsewhere a path takes several segments to the next face.
+
+vec4 geo_base() {
+    return vec4(0.0, 0.0, 0.0, 1.0);
+}
+
+float geo_inner(vec4 p, vec4 u, vec4 v) {
+    return dot(u.xyz, v.xyz);
+}
+
+Geodesic geo_flow(Geodesic g, float t) {
+    return Geodesic(g.point + t * g.velocity, g.velocity);
+}
+
+vec4 geo_log(vec4 p, vec4 q, out float length_out) {
+    vec3 difference = q.xyz - p.xyz;
+    length_out = length(difference);
+    return length_out > 0.0 ? vec4(difference / length_out, 0.0) : vec4(1.0, 0.0, 0.0, 0.0);
+}
+
+float geo_area_density(Geodesic g, float t) {
+    return t * t;
+}
+
+float geo_length(Geodesic g, float u) {
+    return u;
+}
+
+float geo_parameter_at(Geodesic g, float t) {
+    return t;
+}
+
+Geodesic geo_advance(Geodesic g, float u) {
+    return geo_flow(g, u);
+}
+
+float geo_exit(Geodesic g, vec4 plane) {
+    float rate = dot(plane, g.velocity);
+    return rate > IO_ALONG_FACE ? max(-dot(plane, g.point) / rate, 0.0) : M_INFINITY;
+}
+
+float geo_chord(Geodesic g, float u_max, float tolerance) {
+    return u_max;
+}
+
+float geo_parameter(Geodesic g, vec3 c) {
+    return dot(c - g.point.xyz, g.velocity.xyz);
+}
+
+Geodesic geo_restore(Geodesic g) {
+    return Geodesic(g.point, normalize(g.velocity));
+}
+
+vec3 geo_chart(vec4 p) {
+    return p.xyz;
+}
+
+vec4 geo_unchart(vec3 c) {
+    return vec4(c, 1.0);
+}
+
+vec4 geo_raise(vec4 p, vec3 conormal) {
+    return vec4(normalize(conormal), 0.0);
+}
+
+Geodesic geo_apply(Isometry m, Geodesic g) {
+    return Geodesic(m.linear * g.point, m.linear * g.velocity);
+}

@@ -1,0 +1,98 @@
+// Hyperbolic space, upper sheet of the hyperboloid in R^{3,1}. Twin: src/geometry/h3.rs. Contract: e3.glsl.
+//
+// Flow p cosh t + v sinh t; Klein chart xyz/w; curve parameter tanh t.
+
+float h3_form(vec4 u, vec4 v) {
+    return dot(u.xyz, v.xyz) - u.w * v.w;
+}
+
+// Length of a tangent vector from its radial and transverse parts, which do not cancel far from the base point.
+float h3_norm(vec4 p, vec4 v) {
+    float r = length(p.xyz);
+    if (r == 0.0) return length(v.xyz);
+    vec3 n = p.xyz / r;
+    float radial = dot(v.xyz, n);
+    return length(vec2(radial / p.w, length(v.xyz - n * radial)));
+}
+
+vec4 geo_base() {
+    return vec4(0.0, 0.0, 0.0, 1.0);
+}
+
+float geo_inner(vec4 p, vec4 u, vec4 v) {
+    return h3_form(u, v);
+}
+
+Geodesic geo_flow(Geodesic g, float t) {
+    vec2 sc = m_sinhcosh(t);
+    return Geodesic(g.point * sc.y + g.velocity * sc.x, g.velocity * sc.y + g.point * sc.x);
+}
+
+vec4 geo_log(vec4 p, vec4 q, out float length_out) {
+    vec4 difference = q - p;
+    length_out = 2.0 * m_asinh(0.5 * sqrt(max(h3_form(difference, difference), 0.0)));
+    vec4 tangent = difference + p * h3_form(p, difference);
+    float norm = h3_norm(p, tangent);
+    // At the base of nothing any direction serves: the coordinate direction that is parallel from the base point.
+    return norm > 0.0 ? tangent / norm : vec4(1.0, 0.0, 0.0, 0.0) + (geo_base() + p) * (p.x / (1.0 + p.w));
+}
+
+float geo_area_density(Geodesic g, float t) {
+    float s = m_sinhcosh(t).x;
+    return s * s;
+}
+
+float geo_length(Geodesic g, float u) {
+    return m_atanh(u);
+}
+
+float geo_parameter_at(Geodesic g, float t) {
+    return m_tanh(t);
+}
+
+Geodesic geo_advance(Geodesic g, float u) {
+    float scale = inversesqrt((1.0 - u) * (1.0 + u));
+    return Geodesic((g.point + g.velocity * u) * scale, (g.velocity + g.point * u) * scale);
+}
+
+float geo_exit(Geodesic g, vec4 plane) {
+    float rate = dot(plane, g.velocity);
+    if (rate <= IO_ALONG_FACE) return M_INFINITY;
+    float u = max(-dot(plane, g.point) / rate, 0.0);
+    return u < 1.0 ? u : M_INFINITY;
+}
+
+float geo_chord(Geodesic g, float u_max, float tolerance) {
+    return u_max;
+}
+
+float geo_parameter(Geodesic g, vec3 c) {
+    vec4 x = vec4(c, 1.0);
+    return h3_form(x, g.velocity) / -h3_form(x, g.point);
+}
+
+Geodesic geo_restore(Geodesic g) {
+    vec3 x = g.point.xyz;
+    vec4 point = vec4(x, sqrt(1.0 + dot(x, x)));
+    vec3 tangent = g.velocity.xyz + x * h3_form(point, g.velocity);
+    vec4 velocity = vec4(tangent, dot(tangent, x) / point.w);
+    return Geodesic(point, velocity / h3_norm(point, velocity));
+}
+
+vec3 geo_chart(vec4 p) {
+    return p.xyz / p.w;
+}
+
+vec4 geo_unchart(vec3 c) {
+    float r = length(c);
+    return vec4(c, 1.0) * inversesqrt((1.0 - r) * (1.0 + r));
+}
+
+vec4 geo_raise(vec4 p, vec3 conormal) {
+    vec4 n = vec4(conormal, dot(conormal, geo_chart(p)));
+    return n / h3_norm(p, n);
+}
+
+Geodesic geo_apply(Isometry m, Geodesic g) {
+    return Geodesic(m.linear * g.point, m.linear * g.velocity);
+}

@@ -1,0 +1,126 @@
+// Elementary functions with known errors.
+//
+// Vulkan promises little for the built-in ones (sin and cos: absolute error 2^-11 inside [-pi, pi] and nothing
+// outside), and drivers use the freedom. Geodesics need a few units in the last place at any argument, so they
+// are computed here. Minimax polynomials for sin, cos and atan: Moshier, Cephes 2.8, single precision.
+// Their errors are measured through the geometries by the tests `twins`.
+#ifndef MATH_GLSL
+#define MATH_GLSL
+
+const float M_PI = 3.14159265358979;
+const float M_HALF_PI = 1.57079632679490;
+const float M_QUARTER_PI = 0.785398163397448;
+const float M_INFINITY = uintBitsToFloat(0x7f800000u);
+
+// x - k * (A + B + C + D) without rounding in the products: each part of the constant has at most 12 significant
+// bits and k is split into two halves of 12 bits.
+float m_reduce(float x, float k, vec4 parts) {
+    precise float high = floor(k * (1.0 / 4096.0)) * 4096.0;
+    precise float low = k - high;
+    precise float r = x;
+    r = r - high * parts.x;
+    r = r - low * parts.x;
+    r = r - high * parts.y;
+    r = r - low * parts.y;
+    r = r - high * parts.z;
+    r = r - low * parts.z;
+    r = r - high * parts.w;
+    r = r - low * parts.w;
+    return r;
+}
+
+// pi/2 in four parts of 12 bits.
+const vec4 M_HALF_PI_PARTS = vec4(1.5703125, 4.837512969970703125e-4, 7.54953362047672271728515625e-8, 2.56328291925456142e-12);
+
+// (sin x, cos x), |x| < 1e7; beyond that f32 no longer resolves an angle.
+vec2 m_sincos(float x) {
+    float k = floor(x * (1.0 / M_HALF_PI) + 0.5);
+    float r = m_reduce(x, k, M_HALF_PI_PARTS);
+    float z = r * r;
+    float s = ((-1.9515295891e-4 * z + 8.3321608736e-3) * z - 1.6666654611e-1) * z * r + r;
+    float c = ((2.443315711809948e-5 * z - 1.388731625493765e-3) * z + 4.166664568298827e-2) * z * z - 0.5 * z + 1.0;
+    int quadrant = int(k) & 3;
+    vec2 turned = (quadrant & 1) == 0 ? vec2(s, c) : vec2(c, s);
+    return vec2(quadrant >= 2 ? -turned.x : turned.x, quadrant == 1 || quadrant == 2 ? -turned.y : turned.y);
+}
+
+// Angle of (cos, sin) in [-pi, pi].
+float m_atan(float sine, float cosine) {
+    float low = min(abs(sine), abs(cosine));
+    float high = max(abs(sine), abs(cosine));
+    if (high == 0.0) return 0.0;
+    float q = low / high;
+    // tan(pi/8): fold the upper half of [0, 1] down once more.
+    bool folded = q > 0.414213562;
+    float x = folded ? (low - high) / (low + high) : q;
+    float z = x * x;
+    float a = (((8.05374449538e-2 * z - 1.38776856032e-1) * z + 1.99777106478e-1) * z - 3.33329491539e-1) * z * x + x;
+    if (folded) a += M_QUARTER_PI;
+    if (abs(sine) > abs(cosine)) a = M_HALF_PI - a;
+    if (cosine < 0.0) a = M_PI - a;
+    return sine < 0.0 ? -a : a;
+}
+
+// e^x / 2: halved so that cosh and sinh reach the end of the range.
+float m_half_exp(float x) {
+    float k = floor(x * 1.44269504088896 + 0.5);
+    // ln 2 in a part of 9 bits and a rest.
+    precise float r = x - k * 0.693359375;
+    r = r + k * 2.12194440054690583e-4;
+    float p = 1.0 + r * (1.0 + r * (0.5 + r * (1.66666667e-1 + r * (4.16666667e-2 + r * (8.33333333e-3 + r * (1.38888889e-3 + r * 1.98412698e-4))))));
+    if (k > 127.0) return k > 129.0 ? M_INFINITY : ldexp(p, 120) * exp2(k - 121.0);
+    return k < -124.0 ? 0.0 : ldexp(p, int(k) - 1);
+}
+
+// (sinh x, cosh x).
+vec2 m_sinhcosh(float x) {
+    float a = abs(x);
+    float up = m_half_exp(a);
+    float down = a > 40.0 ? 0.0 : 0.25 / up;
+    float z = x * x;
+    float s = a < 1.0
+        ? a * (1.0 + z * (1.66666667e-1 + z * (8.33333333e-3 + z * (1.98412698e-4 + z * (2.75573192e-6 + z * 2.50521084e-8)))))
+        : up - down;
+    return vec2(x < 0.0 ? -s : s, up + down);
+}
+
+// Natural logarithm of x > 0, normal numbers.
+float m_log(float x) {
+    int e;
+    float m = frexp(x, e);
+    if (m < 0.707106781) {
+        m *= 2.0;
+        e -= 1;
+    }
+    float s = (m - 1.0) / (m + 1.0);
+    float z = s * s;
+    float log_m = 2.0 * s * (1.0 + z * (3.33333333e-1 + z * (2.0e-1 + z * (1.42857143e-1 + z * 1.11111111e-1))));
+    return float(e) * 0.693359375 + (log_m - float(e) * 2.12194440054690583e-4);
+}
+
+// Inverse hyperbolic tangent, |x| < 1.
+float m_atanh(float x) {
+    float z = x * x;
+    if (z < 0.04) return x * (1.0 + z * (3.33333333e-1 + z * (2.0e-1 + z * (1.42857143e-1 + z * (1.11111111e-1 + z * 9.09090909e-2)))));
+    float a = abs(x);
+    if (a >= 1.0) return x < 0.0 ? -M_INFINITY : M_INFINITY;
+    float y = 0.5 * m_log((1.0 + a) / (1.0 - a));
+    return x < 0.0 ? -y : y;
+}
+
+// Inverse hyperbolic sine.
+float m_asinh(float x) {
+    float a = abs(x);
+    if (a < 0.2) return m_atanh(x / sqrt(1.0 + x * x));
+    float y = a > 1e15 ? m_log(a) + 0.693147181 : m_log(a + sqrt(a * a + 1.0));
+    return x < 0.0 ? -y : y;
+}
+
+// Hyperbolic tangent.
+float m_tanh(float x) {
+    vec2 sc = m_sinhcosh(min(abs(x), 20.0));
+    float y = sc.x / sc.y;
+    return x < 0.0 ? -y : y;
+}
+
+#endif

@@ -1,0 +1,164 @@
+//! Euclidean space. Twin: `shaders/geometry/e3.glsl`.
+//!
+//! Points are `(x, y, z, 1)` and vectors `(u, v, w, 0)`, so that isometries are 4×4 matrices; the last
+//! coordinate is not shown to users. The chart is `(x, y, z)`, the curve parameter is arc length, geodesics are
+//! straight in the chart, and every formula is exact.
+
+use super::{ALONG_FACE, Geodesic, Geometry, Isometry, spatial};
+use glam::{DMat3, DMat4, DVec3, DVec4, Vec4Swizzles};
+
+/// Euclidean three-space.
+#[derive(Clone, Copy, Debug)]
+pub struct E3;
+
+impl Geometry for E3 {
+    fn components(&self) -> usize {
+        3
+    }
+
+    fn base(&self) -> DVec4 {
+        DVec4::W
+    }
+
+    fn settle(&self, components: DVec4) -> Option<DVec4> {
+        Some(components.xyz().extend(1.0))
+    }
+
+    fn settle_tangent(&self, _p: DVec4, components: DVec4) -> DVec4 {
+        components.xyz().extend(0.0)
+    }
+
+    fn inner(&self, _p: DVec4, u: DVec4, v: DVec4) -> f64 {
+        spatial(u).dot(spatial(v))
+    }
+
+    fn norm(&self, _p: DVec4, v: DVec4) -> f64 {
+        spatial(v).length()
+    }
+
+    fn frame(&self, _p: DVec4) -> [DVec4; 3] {
+        [DVec4::X, DVec4::Y, DVec4::Z]
+    }
+
+    fn flow(&self, g: Geodesic, t: f64) -> Geodesic {
+        Geodesic { point: g.point + g.velocity * t, velocity: g.velocity }
+    }
+
+    fn log(&self, p: DVec4, q: DVec4) -> (DVec4, f64) {
+        let difference = q - p;
+        let length = difference.length();
+        if length > 0.0 { (difference / length, length) } else { (DVec4::X, 0.0) }
+    }
+
+    fn transport(&self, _g: Geodesic, _t: f64, w: DVec4) -> DVec4 {
+        w
+    }
+
+    fn area_density(&self, _g: Geodesic, t: f64) -> f64 {
+        t * t
+    }
+
+    fn length(&self, _g: Geodesic, u: f64) -> f64 {
+        u
+    }
+
+    fn parameter_at(&self, _g: Geodesic, t: f64) -> f64 {
+        t
+    }
+
+    fn advance(&self, g: Geodesic, u: f64) -> Geodesic {
+        self.flow(g, u)
+    }
+
+    fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
+        let rate = plane.dot(g.velocity);
+        if rate > ALONG_FACE { (-plane.dot(g.point) / rate).max(0.0) } else { f64::INFINITY }
+    }
+
+    fn chord(&self, _g: Geodesic, u_max: f64, _tolerance: f64) -> f64 {
+        u_max
+    }
+
+    fn parameter(&self, g: Geodesic, c: DVec3) -> f64 {
+        (c - spatial(g.point)).dot(spatial(g.velocity))
+    }
+
+    fn restore(&self, g: Geodesic) -> Geodesic {
+        Geodesic { point: g.point, velocity: g.velocity.normalize() }
+    }
+
+    fn chart(&self, p: DVec4) -> DVec3 {
+        spatial(p)
+    }
+
+    fn unchart(&self, c: DVec3) -> Option<DVec4> {
+        Some(c.extend(1.0))
+    }
+
+    fn unchart_vector(&self, _p: DVec4, dc: DVec3) -> DVec4 {
+        dc.extend(0.0)
+    }
+
+    fn raise(&self, _p: DVec4, conormal: DVec3) -> DVec4 {
+        conormal.normalize().extend(0.0)
+    }
+
+    fn lower(&self, _p: DVec4, v: DVec4) -> DVec3 {
+        spatial(v)
+    }
+
+    fn volume_density(&self, _c: DVec3) -> f64 {
+        1.0
+    }
+
+    fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
+        Geodesic { point: m.linear * g.point, velocity: m.linear * g.velocity }
+    }
+
+    fn inverse(&self, m: &Isometry) -> Isometry {
+        let rotation = DMat3::from_mat4(m.linear).transpose();
+        let shift = -(rotation * spatial(m.linear.w_axis));
+        Isometry::linear(DMat4::from_cols(
+            rotation.x_axis.extend(0.0),
+            rotation.y_axis.extend(0.0),
+            rotation.z_axis.extend(0.0),
+            shift.extend(1.0),
+        ))
+    }
+
+    fn isometry_residual(&self, m: &Isometry) -> f64 {
+        let rotation = DMat3::from_mat4(m.linear);
+        let gram = rotation.transpose() * rotation - DMat3::IDENTITY;
+        let orthogonality = gram.to_cols_array().iter().fold(0.0_f64, |worst, x| worst.max(x.abs()));
+        let last_row = (m.linear.row(3) - DVec4::W).abs().max_element();
+        orthogonality.max(last_row)
+    }
+
+    fn bisector(&self, q: DVec4) -> Option<DVec4> {
+        let q = spatial(q);
+        let length = q.length();
+        (length > 0.0).then(|| (q / length).extend(-0.5 * length))
+    }
+
+    fn ball(&self, centre: DVec4, radius: f64) -> DMat4 {
+        let c = spatial(centre);
+        quadric(DMat3::IDENTITY, c, radius)
+    }
+
+    fn tube(&self, axis: Geodesic, radius: f64) -> DMat4 {
+        let v = spatial(axis.velocity);
+        let across = DMat3::from_cols(DVec3::X - v * v.x, DVec3::Y - v * v.y, DVec3::Z - v * v.z);
+        quadric(across, spatial(axis.point), radius)
+    }
+}
+
+/// Matrix of `(x−c)ᵀ A (x−c) − r²`.
+fn quadric(a: DMat3, c: DVec3, radius: f64) -> DMat4 {
+    let side = -(a * c);
+    DMat4::from_cols(
+        a.x_axis.extend(side.x),
+        a.y_axis.extend(side.y),
+        a.z_axis.extend(side.z),
+        side.extend(c.dot(a * c) - radius * radius),
+    )
+}

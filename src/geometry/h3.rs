@@ -1,0 +1,231 @@
+//! Hyperbolic space, the upper sheet of the hyperboloid in R^{3,1}. Twin: `shaders/geometry/h3.glsl`.
+//!
+//! Metric: the restriction of ⟨u, v⟩ = u·v − 2 u_w v_w (signature +++−). Chart: Klein, `xyz/w`, in which
+//! geodesics are straight. Flow: `p cosh t + v sinh t`. Curve parameter: `tanh t`, so that walking through a
+//! cell needs one square root and no exponential. It reaches 1 at arc length 19 in f64 (9 in f32), beyond the
+//! diameter of any cell that a chart in these numbers can hold.
+//!
+//! Far from the base point ambient components grow like eᵈ. Lengths are therefore taken from the radial and the
+//! transverse part of a vector, which do not cancel; see [`Geometry::norm`].
+
+use super::{ALONG_FACE, Geodesic, Geometry, Isometry, spatial};
+use glam::{DMat4, DVec3, DVec4, Vec4Swizzles};
+
+/// Hyperbolic three-space of curvature −1.
+#[derive(Clone, Copy, Debug)]
+pub struct H3;
+
+impl Geometry for H3 {
+    fn components(&self) -> usize {
+        4
+    }
+
+    fn base(&self) -> DVec4 {
+        DVec4::W
+    }
+
+    fn settle(&self, components: DVec4) -> Option<DVec4> {
+        let x = components.xyz();
+        Some(x.extend(x.length().hypot(1.0)))
+    }
+
+    fn settle_tangent(&self, p: DVec4, components: DVec4) -> DVec4 {
+        // v + ⟨v, p⟩ p. The product cancels by a factor e²ᵈ, so it is summed in twice the working precision,
+        // with the digits of w that its rounding cut off.
+        let x = spatial(p);
+        let w_tail = tail_of_w(x, p.w);
+        let mut product = CompensatedSum::default();
+        product.add_product(components.x, p.x);
+        product.add_product(components.y, p.y);
+        product.add_product(components.z, p.z);
+        product.add_product(-components.w, p.w);
+        product.add_product(-components.w, w_tail);
+        let v = spatial(components) + x * product.value();
+        v.extend(v.dot(x) / p.w)
+    }
+
+    fn inner(&self, _p: DVec4, u: DVec4, v: DVec4) -> f64 {
+        minkowski(u, v)
+    }
+
+    fn norm(&self, p: DVec4, v: DVec4) -> f64 {
+        let x = spatial(p);
+        let r = x.length();
+        if r == 0.0 {
+            return spatial(v).length();
+        }
+        let n = x / r;
+        let radial = spatial(v).dot(n);
+        let transverse = (spatial(v) - n * radial).length();
+        (radial / p.w).hypot(transverse)
+    }
+
+    fn frame(&self, p: DVec4) -> [DVec4; 3] {
+        // The coordinate frame of the base point, parallel along the geodesic to p.
+        let bridge = (DVec4::W + p) / (1.0 + p.w);
+        [DVec4::X + bridge * p.x, DVec4::Y + bridge * p.y, DVec4::Z + bridge * p.z]
+    }
+
+    fn flow(&self, g: Geodesic, t: f64) -> Geodesic {
+        let (sinh, cosh) = (t.sinh(), t.cosh());
+        Geodesic { point: g.point * cosh + g.velocity * sinh, velocity: g.velocity * cosh + g.point * sinh }
+    }
+
+    fn log(&self, p: DVec4, q: DVec4) -> (DVec4, f64) {
+        let difference = q - p;
+        let length = 2.0 * (0.5 * minkowski(difference, difference).max(0.0).sqrt()).asinh();
+        let tangent = difference + p * minkowski(p, difference);
+        let norm = self.norm(p, tangent);
+        if norm > 0.0 { (tangent / norm, length) } else { (self.frame(p)[0], length) }
+    }
+
+    fn transport(&self, g: Geodesic, t: f64, w: DVec4) -> DVec4 {
+        w + (self.flow(g, t).velocity - g.velocity) * minkowski(g.velocity, w)
+    }
+
+    fn area_density(&self, _g: Geodesic, t: f64) -> f64 {
+        t.sinh() * t.sinh()
+    }
+
+    fn length(&self, _g: Geodesic, u: f64) -> f64 {
+        u.atanh()
+    }
+
+    fn parameter_at(&self, _g: Geodesic, t: f64) -> f64 {
+        t.tanh()
+    }
+
+    fn advance(&self, g: Geodesic, u: f64) -> Geodesic {
+        let scale = ((1.0 - u) * (1.0 + u)).sqrt().recip();
+        Geodesic { point: (g.point + g.velocity * u) * scale, velocity: (g.velocity + g.point * u) * scale }
+    }
+
+    fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
+        let rate = plane.dot(g.velocity);
+        if rate <= ALONG_FACE {
+            return f64::INFINITY;
+        }
+        let u = (-plane.dot(g.point) / rate).max(0.0);
+        if u < 1.0 { u } else { f64::INFINITY }
+    }
+
+    fn chord(&self, _g: Geodesic, u_max: f64, _tolerance: f64) -> f64 {
+        u_max
+    }
+
+    fn parameter(&self, g: Geodesic, c: DVec3) -> f64 {
+        let x = c.extend(1.0);
+        minkowski(x, g.velocity) / -minkowski(x, g.point)
+    }
+
+    fn restore(&self, g: Geodesic) -> Geodesic {
+        let x = spatial(g.point);
+        let point = x.extend(x.length().hypot(1.0));
+        let tangent = spatial(g.velocity) + x * minkowski(point, g.velocity);
+        let tangent = tangent.extend(tangent.dot(x) / point.w);
+        Geodesic { point, velocity: tangent / self.norm(point, tangent) }
+    }
+
+    fn chart(&self, p: DVec4) -> DVec3 {
+        spatial(p) / p.w
+    }
+
+    fn unchart(&self, c: DVec3) -> Option<DVec4> {
+        let r = c.length();
+        (r < 1.0).then(|| c.extend(1.0) / ((1.0 - r) * (1.0 + r)).sqrt())
+    }
+
+    fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {
+        let lifted = dc.extend(0.0);
+        (lifted + p * minkowski(p, lifted)) * p.w
+    }
+
+    fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4 {
+        let n = conormal.extend(conormal.dot(self.chart(p)));
+        n / self.norm(p, n)
+    }
+
+    fn lower(&self, p: DVec4, v: DVec4) -> DVec3 {
+        spatial(v) * p.w
+    }
+
+    fn volume_density(&self, c: DVec3) -> f64 {
+        (1.0 - c.length_squared()).powi(-2)
+    }
+
+    fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
+        Geodesic { point: m.linear * g.point, velocity: m.linear * g.velocity }
+    }
+
+    fn inverse(&self, m: &Isometry) -> Isometry {
+        Isometry::linear(FORM * m.linear.transpose() * FORM)
+    }
+
+    fn isometry_residual(&self, m: &Isometry) -> f64 {
+        let gram = m.linear.transpose() * FORM * m.linear - FORM;
+        gram.to_cols_array().iter().fold(0.0_f64, |worst, x| worst.max(x.abs()))
+    }
+
+    fn bisector(&self, q: DVec4) -> Option<DVec4> {
+        let difference = q - self.base();
+        let norm = minkowski(difference, difference);
+        (norm > 0.0).then(|| FORM * difference / norm.sqrt())
+    }
+
+    fn ball(&self, centre: DVec4, radius: f64) -> DMat4 {
+        // ⟨x, c⟩² ≤ −cosh² r ⟨x, x⟩.
+        FORM * radius.cosh().powi(2) + outer(FORM * centre)
+    }
+
+    fn tube(&self, axis: Geodesic, radius: f64) -> DMat4 {
+        // The squared cosh of the distance to a geodesic is ⟨x, p⟩² − ⟨x, v⟩².
+        FORM * radius.cosh().powi(2) + outer(FORM * axis.point) - outer(FORM * axis.velocity)
+    }
+}
+
+/// Gram matrix of the Minkowski form.
+const FORM: DMat4 = DMat4::from_diagonal(DVec4::new(1.0, 1.0, 1.0, -1.0));
+
+fn minkowski(u: DVec4, v: DVec4) -> f64 {
+    spatial(u).dot(spatial(v)) - u.w * v.w
+}
+
+fn outer(v: DVec4) -> DMat4 {
+    DMat4::from_cols(v * v.x, v * v.y, v * v.z, v * v.w)
+}
+
+/// What rounding cut off from w = √(1 + |x|²).
+fn tail_of_w(x: DVec3, w: f64) -> f64 {
+    let mut defect = CompensatedSum::default();
+    defect.add_product(1.0, 1.0);
+    defect.add_product(x.x, x.x);
+    defect.add_product(x.y, x.y);
+    defect.add_product(x.z, x.z);
+    defect.add_product(-w, w);
+    let tail = defect.value() / (2.0 * w);
+    if tail.is_finite() { tail } else { 0.0 }
+}
+
+/// A dot product as if computed in twice the precision (Ogita, Rump, Oishi: Accurate sum and dot product, 2005,
+/// algorithm 5.3).
+#[derive(Default)]
+struct CompensatedSum {
+    sum: f64,
+    error: f64,
+}
+
+impl CompensatedSum {
+    fn add_product(&mut self, a: f64, b: f64) {
+        let product = a * b;
+        let product_error = a.mul_add(b, -product);
+        let sum = self.sum + product;
+        let virtual_part = sum - self.sum;
+        let sum_error = (self.sum - (sum - virtual_part)) + (product - virtual_part);
+        self.sum = sum;
+        self.error += sum_error + product_error;
+    }
+
+    fn value(&self) -> f64 {
+        self.sum + self.error
+    }
+}

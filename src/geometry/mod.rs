@@ -1,0 +1,368 @@
+//! Model geometries behind one contract.
+//!
+//! A geometry is a homogeneous Riemannian (or, for one of the book's spaces, Lorentzian) three-manifold with
+//! an explicit flow. Everything that the renderer, the spaces and the measurements know about it is the trait
+//! [`Geometry`], and its GLSL twin in `shaders/geometry/`, function by function under the same names with the
+//! prefix `geo_`. A new geometry is those two files and one line in [`registry`].
+//!
+//! **Points and tangent vectors** are four numbers whose meaning is the geometry's own (`mathematics` in the
+//! module of each geometry): ambient coordinates in R⁴ for the classical three.
+//!
+//! **The chart** maps the model (or the part of it in which a cell lies) to R³. Meshes are stored in it and
+//! acceleration structures are built in it. Face planes are affine there: a plane is `(n, d)` and its inner
+//! side is `n·c + d ≤ 0` for chart coordinates `c`.
+//!
+//! **The curve parameter.** A ray does not walk by arc length but by a parameter of the geometry's own choice,
+//! in which exits are cheap (`tan(t/2)` on the sphere, `tanh t` in hyperbolic space, arc length where nothing
+//! better exists). It is 0 at the start, increases with arc length, and [`Geometry::length`] and
+//! [`Geometry::parameter_at`] convert.
+//!
+//! **Chords.** [`Geometry::chord`] says how far along the curve a straight segment in the chart may reach
+//! before it leaves the curve by more than a tolerance. Where geodesics are straight in the chart the answer
+//! is "all the way"; elsewhere the path is walked in several chords, and each is one segment for traversal.
+
+pub mod e3;
+pub mod h3;
+pub mod laws;
+pub(crate) mod registry;
+pub mod s3;
+
+use glam::{DMat3, DMat4, DVec3, DVec4, Vec4Swizzles};
+use registry::geometries;
+
+/// A point with a tangent vector there; a unit vector unless said otherwise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Geodesic {
+    /// The point, in the geometry's own coordinates.
+    pub point: DVec4,
+    /// The velocity at the point, in the geometry's own components.
+    pub velocity: DVec4,
+}
+
+/// An isometry. What the numbers mean is the geometry's own business; `linear` alone serves those whose
+/// isometries are linear in the point's coordinates, `shift` is for the rest (a shift along a line factor, say).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Isometry {
+    /// Acts on columns.
+    pub linear: DMat4,
+    /// Zero where the linear part says all.
+    pub shift: DVec4,
+}
+
+impl Isometry {
+    /// The identity.
+    pub const IDENTITY: Self = Self { linear: DMat4::IDENTITY, shift: DVec4::ZERO };
+
+    /// An isometry that is linear in the point's coordinates.
+    pub const fn linear(linear: DMat4) -> Self {
+        Self { linear, shift: DVec4::ZERO }
+    }
+}
+
+/// Why a computation has no answer that numbers can hold.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum GeometryError {
+    /// The given point is not finite or not on the model.
+    #[error("point {0} is not a point of {1}")]
+    NotAPoint(String, &'static str),
+    /// The tangent part of the given direction is zero or not finite.
+    #[error("direction {0} has no tangent part at the point: it must be finite and not zero")]
+    NoDirection(String),
+    /// The result does not fit into the numbers used.
+    #[error("the end point after length {length} leaves the range of {precision} in {geometry}")]
+    OutOfRange {
+        /// The length asked for.
+        length: f64,
+        /// `f32` or `f64`.
+        precision: &'static str,
+        /// The geometry's name.
+        geometry: &'static str,
+    },
+}
+
+/// What the renderer, the spaces and the measurements may ask of a geometry.
+///
+/// All functions are pure. None panics on finite input; out-of-range results are infinities or `None`, which
+/// callers turn into errors. The GLSL twin of `name` is `geo_name`, except for the functions marked *host only*.
+pub trait Geometry: Copy + Send + Sync + 'static {
+    // --- points and vectors -------------------------------------------------------------------------
+
+    /// How many numbers the command line, scenes and reports use for a point or a vector: 3 or 4. *Host only.*
+    fn components(&self) -> usize;
+
+    /// The base point: centre of Dirichlet domains, default position of observers.
+    fn base(&self) -> DVec4;
+
+    /// Puts a point given by the user on the model, or `None` if it has no place there. *Host only.*
+    fn settle(&self, components: DVec4) -> Option<DVec4>;
+
+    /// The tangent vector with these components at `p`: projected where components are ambient, and not
+    /// normalised. *Host only.*
+    fn settle_tangent(&self, p: DVec4, components: DVec4) -> DVec4;
+
+    /// The metric.
+    fn inner(&self, p: DVec4, u: DVec4, v: DVec4) -> f64;
+
+    /// Length of a tangent vector, without the cancellation that `inner` suffers far from the base point.
+    /// *Host only.*
+    fn norm(&self, p: DVec4, v: DVec4) -> f64;
+
+    /// An orthonormal frame at `p`, positively oriented in the chart, smooth in `p`. *Host only.*
+    fn frame(&self, p: DVec4) -> [DVec4; 3];
+
+    // --- geodesics ----------------------------------------------------------------------------------
+
+    /// The geodesic flow by arc length `t` (any sign). Exact up to rounding.
+    fn flow(&self, g: Geodesic, t: f64) -> Geodesic;
+
+    /// Unit initial velocity and length of the shortest geodesic from `p` to `q`. At `q = p` the length is 0
+    /// and the velocity some unit vector; at a conjugate point the length is right and the velocity one of many.
+    fn log(&self, p: DVec4, q: DVec4) -> (DVec4, f64);
+
+    /// Distance of two points.
+    fn distance(&self, p: DVec4, q: DVec4) -> f64 {
+        self.log(p, q).1
+    }
+
+    /// Parallel transport of `w` along `g` by arc length `t`. *Host only.*
+    fn transport(&self, g: Geodesic, t: f64, w: DVec4) -> DVec4;
+
+    /// Ratio of the area of a small wavefront after length `t` to its solid angle at the source: the reciprocal
+    /// of the falloff of a point light. Depends on the ray where the geometry is not isotropic.
+    fn area_density(&self, g: Geodesic, t: f64) -> f64;
+
+    // --- rays: the curve parameter ------------------------------------------------------------------
+
+    /// Arc length from the start of `g` to curve parameter `u`.
+    fn length(&self, g: Geodesic, u: f64) -> f64;
+
+    /// Curve parameter at arc length `t ≥ 0`; infinite where the parameter does not reach so far.
+    fn parameter_at(&self, g: Geodesic, t: f64) -> f64;
+
+    /// Point and velocity at curve parameter `u`.
+    fn advance(&self, g: Geodesic, u: f64) -> Geodesic;
+
+    /// First curve parameter `u ≥ 0` at which `g` passes from the inner side of `plane` to the outer one;
+    /// infinite if it never does. A start on the plane (within [`ON_FACE`]) counts as inside, and a direction
+    /// within [`ALONG_FACE`] of the plane does not leave through it.
+    fn exit(&self, g: Geodesic, plane: DVec4) -> f64;
+
+    /// Largest curve parameter `≤ u_max` up to which the chord in the chart stays within `tolerance` (a length
+    /// in the metric) of the curve.
+    fn chord(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64;
+
+    /// Curve parameter of the curve's point nearest to chart point `c`, which lies on a chord of `g`.
+    fn parameter(&self, g: Geodesic, c: DVec3) -> f64;
+
+    /// Puts a state back on the model after rounding: point onto the constraint, velocity tangent and unit.
+    fn restore(&self, g: Geodesic) -> Geodesic;
+
+    // --- the chart ----------------------------------------------------------------------------------
+
+    /// Chart coordinates of a point.
+    fn chart(&self, p: DVec4) -> DVec3;
+
+    /// The point with these chart coordinates, or `None` outside the chart's image. *Host only as an option;*
+    /// the twin assumes a chart point of a cell.
+    fn unchart(&self, c: DVec3) -> Option<DVec4>;
+
+    /// The tangent vector at `p` whose image under the chart's differential is `dc`. *Host only.*
+    fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4;
+
+    /// Unit tangent vector at `p` that is normal to the surface with chart conormal `conormal` (a covector in
+    /// the chart; it raises the index).
+    fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4;
+
+    /// The chart covector of a tangent vector: inverse of `raise` up to length. *Host only.*
+    fn lower(&self, p: DVec4, v: DVec4) -> DVec3;
+
+    /// Volume element of the metric in the chart. *Host only.*
+    fn volume_density(&self, c: DVec3) -> f64;
+
+    // --- isometries ---------------------------------------------------------------------------------
+
+    /// Image of a point and of a tangent vector there.
+    fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic;
+
+    /// `a` after `b`. *Host only.*
+    fn compose(&self, a: &Isometry, b: &Isometry) -> Isometry {
+        Isometry::linear(a.linear * b.linear)
+    }
+
+    /// The inverse isometry. *Host only.*
+    fn inverse(&self, m: &Isometry) -> Isometry;
+
+    /// How far `m` is from preserving the metric: largest deviation of the defining relation. *Host only.*
+    fn isometry_residual(&self, m: &Isometry) -> f64;
+
+    /// The plane of points as far from the base point as from `q`, base point inside, or `None` where such a
+    /// bisector is not a plane of the chart. *Host only.*
+    fn bisector(&self, q: DVec4) -> Option<DVec4>;
+
+    // --- quadrics -----------------------------------------------------------------------------------
+
+    /// Symmetric `Q` with `xᵀQx ≤ 0` (`x = (c, 1)`, `c` in the chart) exactly the metric ball. *Host only.*
+    fn ball(&self, centre: DVec4, radius: f64) -> DMat4;
+
+    /// The same for the tube of points nearer than `radius` to the whole geodesic `axis`. *Host only.*
+    fn tube(&self, axis: Geodesic, radius: f64) -> DMat4;
+}
+
+/// A start this far outside a face plane (in the plane's own units) still counts as inside: the rounding of one
+/// crossing in f64. The shaders use their own value for f32 (`shader_io`).
+pub const ON_FACE: f64 = 1e-12;
+
+/// Directions whose product with a face plane is smaller than this run along the face. In a cell of diameter 1
+/// such a ray moves off the face by less than [`ON_FACE`] before another face stops it.
+pub const ALONG_FACE: f64 = 1e-13;
+
+/// Value of the plane's affine form at a point of the model, scaled by the point's homogeneous coordinate:
+/// negative inside. Valid for every geometry whose chart is `x/w`, and for those with `w = 1`.
+pub fn plane_side(plane: DVec4, p: DVec4) -> f64 {
+    plane.dot(p)
+}
+
+macro_rules! register {
+    ($(($type:ident, $module:ident, $name:literal, [$($alias:literal),*], $title:literal),)*) => {
+        $(#[doc = concat!("See [`", stringify!($module), "`].")] pub use $module::$type;)*
+
+        /// Identifies a registered geometry.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum GeometryId { $(#[doc = $title] $type),* }
+
+        /// All registered geometries.
+        pub const GEOMETRIES: &[Entry] = &[$(Entry {
+            id: GeometryId::$type,
+            name: $name,
+            aliases: &[$($alias),*],
+            title: $title,
+            module: stringify!($module),
+        }),*];
+
+        /// Runs `visitor` with the geometry's own type: the only dispatch on geometries in the program.
+        pub fn visit<V: Visitor>(id: GeometryId, visitor: V) -> V::Output {
+            match id { $(GeometryId::$type => visitor.visit($module::$type)),* }
+        }
+    };
+}
+geometries!(register);
+
+/// A line of the registry.
+#[derive(Debug)]
+pub struct Entry {
+    /// Identifier.
+    pub id: GeometryId,
+    /// Name on the command line and in scenes.
+    pub name: &'static str,
+    /// Other names accepted.
+    pub aliases: &'static [&'static str],
+    /// What people call it.
+    pub title: &'static str,
+    /// Stem of the two files.
+    pub module: &'static str,
+}
+
+/// Code that is generic in the geometry, run by [`visit`].
+pub trait Visitor {
+    /// What it computes.
+    type Output;
+    /// The code.
+    fn visit<G: Geometry>(self, geometry: G) -> Self::Output;
+}
+
+impl GeometryId {
+    /// The registry's line.
+    pub fn entry(self) -> &'static Entry {
+        // The enum and the slice come from the same list, so the index is always in range.
+        &GEOMETRIES[self as usize]
+    }
+
+    /// Name on the command line.
+    pub fn name(self) -> &'static str {
+        self.entry().name
+    }
+
+    /// Looks a name or an alias up.
+    pub fn from_name(name: &str) -> Option<Self> {
+        GEOMETRIES.iter().find(|e| e.name == name || e.aliases.contains(&name)).map(|e| e.id)
+    }
+
+    /// How many numbers a point or a vector has for the user.
+    pub fn components(self) -> usize {
+        struct Components;
+        impl Visitor for Components {
+            type Output = usize;
+            fn visit<G: Geometry>(self, geometry: G) -> usize {
+                geometry.components()
+            }
+        }
+        visit(self, Components)
+    }
+}
+
+/// Point and unit direction from the user's numbers: the point is put on the model, the direction made tangent
+/// and normalised whatever its scale.
+///
+/// # Errors
+/// [`GeometryError::NotAPoint`] or [`GeometryError::NoDirection`] with the offending numbers.
+pub fn settle_geodesic<G: Geometry>(
+    geometry: G,
+    name: &'static str,
+    point: DVec4,
+    direction: DVec4,
+) -> Result<Geodesic, GeometryError> {
+    let p = geometry
+        .settle(point)
+        .filter(|p| p.is_finite())
+        .ok_or_else(|| GeometryError::NotAPoint(components_text(geometry, point), name))?;
+    let no_direction = || GeometryError::NoDirection(components_text(geometry, direction));
+    // Scaling by the largest component first keeps squares of 1e±200 in range.
+    let scale = direction.abs().max_element();
+    if !(direction.is_finite() && scale > 0.0) {
+        return Err(no_direction());
+    }
+    let v = geometry.settle_tangent(p, direction / scale);
+    let norm = geometry.norm(p, v);
+    // A direction that is normal to the model up to rounding has only noise for a tangent part.
+    if !(norm.is_finite() && norm > 1e-14) {
+        return Err(no_direction());
+    }
+    Ok(Geodesic { point: p, velocity: v / norm })
+}
+
+fn components_text<G: Geometry>(geometry: G, v: DVec4) -> String {
+    let shown: Vec<String> = v.to_array()[..geometry.components()].iter().map(|x| x.to_string()).collect();
+    format!("({})", shown.join(", "))
+}
+
+/// End point of the geodesic that leaves `p` with velocity `w` (any length, zero included) after unit time.
+pub fn exponential<G: Geometry>(geometry: G, p: DVec4, w: DVec4) -> DVec4 {
+    let norm = geometry.norm(p, w);
+    if norm == 0.0 { p } else { geometry.flow(Geodesic { point: p, velocity: w / norm }, norm).point }
+}
+
+/// Gram–Schmidt in the metric at `p`, keeping the direction of the first vector.
+pub fn orthonormalise<G: Geometry>(geometry: G, p: DVec4, mut frame: [DVec4; 3]) -> [DVec4; 3] {
+    for i in 0..3 {
+        for j in 0..i {
+            frame[i] -= frame[j] * geometry.inner(p, frame[i], frame[j]);
+        }
+        frame[i] /= geometry.norm(p, frame[i]);
+    }
+    frame
+}
+
+/// Rows of a 4×4 matrix as they are printed, to glam's columns.
+pub fn matrix_from_rows(rows: [[f64; 4]; 4]) -> DMat4 {
+    DMat4::from_cols_array_2d(&rows).transpose()
+}
+
+/// Block matrix of a rotation of R³ that fixes the last coordinate.
+pub fn rotation_about_base(rotation: DMat3) -> DMat4 {
+    DMat4::from_mat3(rotation)
+}
+
+/// `xyz` of a vector, for the geometries whose chart covectors are spatial parts.
+pub(crate) fn spatial(v: DVec4) -> DVec3 {
+    v.xyz()
+}

@@ -1,0 +1,9 @@
+//! Holonomy: a real-time ray tracer inside Thurston's geometries.
+#![warn(missing_docs)]
+
+pub mod geometry;
+pub mod render;
+pub mod scene;
+pub mod shader_io;
+pub mod space;
+pub mod vulkan;

@@ -1,0 +1,199 @@
+//! What a scene needs, decided without a device.
+//!
+//! A [`Plan`] turns into specialization constants and into the list of buffers and structures that the host
+//! creates. Nothing that the plan leaves out exists at run time: no code in the compiled shader, no buffer, no
+//! ray. `--stats` prints it; [`Plan::keep`] puts features back in, so that benches can measure what leaving them
+//! out saves.
+
+use crate::{
+    scene::{Scene, Shading, Shape},
+    shader_io::Specialization,
+};
+
+/// A part of the renderer that a scene may do without.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Feature {
+    /// Triangles: their buffers, boxes and tests.
+    Meshes,
+    /// Quadrics: their buffer, boxes and intersection stage.
+    Quadrics,
+    /// The any-hit stage, which looks into textures during traversal.
+    AlphaMask,
+    /// Texture lookups and the texel buffer.
+    Textures,
+    /// Point lights.
+    Lights,
+    /// Shadow rays.
+    Shadows,
+    /// The light at the viewer.
+    Headlight,
+    /// Fog.
+    Fog,
+    /// The test of geodesics against a largest length.
+    MaxDistance,
+    /// The automaton that labels cells by deck elements.
+    Labels,
+    /// Counting of work.
+    Counters,
+}
+
+impl Feature {
+    /// All features with their names in `--stats` and `--keep`.
+    pub const NAMES: &[(&'static str, Feature)] = &[
+        ("meshes", Self::Meshes),
+        ("quadrics", Self::Quadrics),
+        ("alpha-mask", Self::AlphaMask),
+        ("textures", Self::Textures),
+        ("lights", Self::Lights),
+        ("shadows", Self::Shadows),
+        ("headlight", Self::Headlight),
+        ("fog", Self::Fog),
+        ("max-distance", Self::MaxDistance),
+        ("labels", Self::Labels),
+        ("counters", Self::Counters),
+    ];
+
+    /// Name in `--stats` and `--keep`.
+    pub fn name(self) -> &'static str {
+        // Every variant is in the list: test `plan::every_feature_has_a_name`.
+        Self::NAMES.iter().find(|(_, feature)| *feature == self).map_or("", |(name, _)| name)
+    }
+}
+
+/// A decision about one feature.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Decision {
+    /// What is decided about.
+    pub feature: Feature,
+    /// Whether the scene's pictures need it.
+    pub needed: bool,
+    /// Whether it is kept in all the same, to measure what leaving it out saves.
+    pub kept: bool,
+    /// Why it is needed or not.
+    pub reason: &'static str,
+}
+
+/// Which parts of the renderer a scene needs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Plan {
+    /// One decision per feature, in the order of [`Feature::NAMES`].
+    pub decisions: Vec<Decision>,
+    /// What the picture shows.
+    pub shading: Shading,
+}
+
+impl Plan {
+    /// Decides what pictures of `scene` need; `count` asks for work counters.
+    pub fn new(scene: &Scene, count: bool) -> Self {
+        let shading = scene.settings.shading;
+        let lit = shading == Shading::Riemannian;
+        let has_mesh = scene.objects.iter().any(|o| matches!(o.shape, Shape::Mesh(_)));
+        let has_quadric = scene.objects.iter().any(|o| !matches!(o.shape, Shape::Mesh(_)));
+        let mut materials = used_materials(scene);
+        let masked = materials.any(|m| scene.materials[m].alpha_cutoff.is_some());
+        let textured = used_materials(scene).any(|m| {
+            let m = &scene.materials[m];
+            m.base_texture.is_some() || m.surface_texture.is_some()
+        });
+        let lights = !scene.lights.is_empty();
+        let shadowing = scene.lights.iter().any(|l| l.shadows);
+        let decide = |feature| {
+            let (needed, reason) = match feature {
+                Feature::Meshes => pick(has_mesh, "an object is a mesh", "no object is a mesh"),
+                Feature::Quadrics => {
+                    pick(has_quadric, "an object is a ball or a tube", "no object is a ball or a tube")
+                }
+                Feature::AlphaMask => pick(masked, "a material has an alpha mask", "no material has an alpha mask"),
+                Feature::Textures if !lit && !masked => (false, "the shading shows no colours of surfaces"),
+                Feature::Textures => pick(textured, "a material has a texture", "no material has a texture"),
+                Feature::Lights | Feature::Shadows | Feature::Headlight | Feature::Fog if !lit => {
+                    (false, "the shading shows no light")
+                }
+                Feature::Lights => pick(lights, "the scene has point lights", "the scene has no point light"),
+                Feature::Shadows => pick(shadowing, "a light throws shadows", "no light throws shadows"),
+                Feature::Headlight => pick(
+                    scene.settings.headlight != [0.0; 3],
+                    "there is a light at the viewer",
+                    "no light at the viewer",
+                ),
+                Feature::Fog => pick(scene.settings.fog > 0.0, "the scene has fog", "the scene has no fog"),
+                Feature::MaxDistance => pick(
+                    scene.settings.max_distance.is_some(),
+                    "geodesics end at a largest length",
+                    "only bounces limit geodesics",
+                ),
+                Feature::Labels => pick(
+                    shading == Shading::Cell,
+                    "the shading shows deck elements",
+                    "the shading shows no deck elements",
+                ),
+                Feature::Counters => pick(count, "work is counted for --stats", "nobody asked for work counts"),
+            };
+            Decision { feature, needed, kept: false, reason }
+        };
+        let decisions = Feature::NAMES.iter().map(|(_, feature)| decide(*feature)).collect();
+        Self { decisions, shading }
+    }
+
+    /// Keeps features in that the scene does not need.
+    pub fn keep(mut self, features: &[Feature]) -> Self {
+        for decision in &mut self.decisions {
+            decision.kept |= !decision.needed && features.contains(&decision.feature);
+        }
+        self
+    }
+
+    /// Whether the feature is compiled in.
+    pub fn uses(&self, feature: Feature) -> bool {
+        self.decisions.iter().any(|d| d.feature == feature && (d.needed || d.kept))
+    }
+
+    /// The shader constants that carry the plan out.
+    pub fn specialization(&self) -> Specialization {
+        let on = |feature| u32::from(self.uses(feature));
+        Specialization {
+            meshes: on(Feature::Meshes),
+            quadrics: on(Feature::Quadrics),
+            alpha_mask: on(Feature::AlphaMask),
+            textures: on(Feature::Textures),
+            lights: on(Feature::Lights),
+            shadows: on(Feature::Shadows),
+            headlight: on(Feature::Headlight),
+            fog: on(Feature::Fog),
+            max_distance: on(Feature::MaxDistance),
+            labels: on(Feature::Labels),
+            counters: on(Feature::Counters),
+            shading: shading_number(self.shading),
+        }
+    }
+}
+
+fn pick(condition: bool, yes: &'static str, no: &'static str) -> (bool, &'static str) {
+    (condition, if condition { yes } else { no })
+}
+
+/// Materials that objects of the scene show, with repetitions.
+fn used_materials(scene: &Scene) -> impl Iterator<Item = usize> {
+    scene.objects.iter().flat_map(|object| {
+        let own: Box<dyn Iterator<Item = usize>> = match (object.material, object.shape) {
+            (Some(material), _) => Box::new(std::iter::once(material)),
+            (None, Shape::Mesh(mesh)) => Box::new(scene.meshes[mesh].triangles.iter().map(|t| t.1)),
+            (None, _) => Box::new(std::iter::empty()),
+        };
+        own
+    })
+}
+
+/// The number by which the shaders know a shading.
+pub fn shading_number(shading: Shading) -> u32 {
+    use crate::shader_io as io;
+    match shading {
+        Shading::Riemannian => io::SHADING_RIEMANNIAN,
+        Shading::Normals => io::SHADING_NORMALS,
+        Shading::Distance => io::SHADING_DISTANCE,
+        Shading::Bounces => io::SHADING_BOUNCES,
+        Shading::Segments => io::SHADING_SEGMENTS,
+        Shading::Cell => io::SHADING_CELL,
+        Shading::Object => io::SHADING_OBJECT,
+    }
+}

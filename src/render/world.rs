@@ -1,0 +1,99 @@
+//! A scene prepared for tracing: everything in the charts of its cells, in f64, with its hierarchy.
+//!
+//! Objects are placed by the exponential map and cut to the cells they reach into: a mesh that sticks out of its
+//! cell appears whole because every deck transformation that brings a part of it into the cell contributes its
+//! triangles there. Triangles outside of the cell are dropped, so copies cost no more than the mesh itself.
+
+use crate::{
+    geometry::GeometryId,
+    render::plan::Plan,
+    scene::{Material, Settings, Texture},
+    shader_io::{Node, TriangleShading},
+    space::FaceId,
+};
+use glam::{DMat4, DVec3, DVec4};
+
+/// A prepared scene.
+#[derive(Clone, Debug)]
+pub struct World {
+    /// The model geometry.
+    pub geometry: GeometryId,
+    /// What pictures of the scene need.
+    pub plan: Plan,
+    /// Render settings.
+    pub settings: Settings,
+    /// All faces of all cells; cells hold ranges.
+    pub faces: Vec<WorldFace>,
+    /// The cells.
+    pub cells: Vec<WorldCell>,
+    /// Bounding volume hierarchies of all cells (boxes in f32, rounded outwards).
+    pub nodes: Vec<Node>,
+    /// Primitive references in leaf order: a triangle's index, or a quadric's with `QUADRIC_BIT`.
+    pub primitives: Vec<u32>,
+    /// Corners in the chart.
+    pub triangles: Vec<[DVec3; 3]>,
+    /// Shading data of the triangles.
+    pub triangle_shading: Vec<TriangleShading>,
+    /// Quadrics.
+    pub quadrics: Vec<WorldQuadric>,
+    /// Materials.
+    pub materials: Vec<Material>,
+    /// Textures; empty if the plan has none.
+    pub textures: Vec<Texture>,
+    /// Light images of all cells; cells hold ranges.
+    pub lights: Vec<WorldLight>,
+    /// Deck element behind each face, `elements × faces`; empty if the plan has no labels.
+    pub labels: Vec<u32>,
+}
+
+/// A face in the list of all faces.
+#[derive(Clone, Copy, Debug)]
+pub struct WorldFace {
+    /// `(n, d)`, inside `n·c + d ≤ 0`.
+    pub plane: DVec4,
+    /// The pairing.
+    pub pairing: crate::geometry::Isometry,
+    /// Cell behind the face.
+    pub cell: usize,
+    /// Index of the partner in the list of all faces.
+    pub partner: usize,
+    /// Its name in the space.
+    pub id: FaceId,
+}
+
+/// A cell's ranges.
+#[derive(Clone, Debug)]
+pub struct WorldCell {
+    /// Into [`World::faces`].
+    pub faces: std::ops::Range<usize>,
+    /// Root of the hierarchy in [`World::nodes`], if the cell has anything in it.
+    pub root: Option<u32>,
+    /// Into [`World::lights`].
+    pub lights: std::ops::Range<usize>,
+}
+
+/// A quadric between two planes.
+#[derive(Clone, Copy, Debug)]
+pub struct WorldQuadric {
+    /// `xᵀQx ≤ 0` inside.
+    pub form: DMat4,
+    /// Homogeneous points with a negative product are cut off.
+    pub clip: [DVec4; 2],
+    /// Index of the material.
+    pub material: u32,
+    /// Index of the scene's object.
+    pub object: u32,
+}
+
+/// An image of a light.
+#[derive(Clone, Copy, Debug)]
+pub struct WorldLight {
+    /// Position, possibly outside of the cell.
+    pub point: DVec4,
+    /// Linear colour times intensity.
+    pub color: [f32; 3],
+    /// Fades to nothing here.
+    pub range: f64,
+    /// Throws shadows.
+    pub shadows: bool,
+}

@@ -1,0 +1,278 @@
+//! Scenes: what is in a space and how it is looked at. No Vulkan here, and no geometry's name: a scene holds
+//! points and frames in the coordinates of whatever geometry its space has.
+//!
+//! [`file`] reads the TOML format with line and column in every message, [`gltf`] reads meshes, [`shipped`] holds
+//! the scenes that come with the program.
+
+pub mod file;
+pub mod gltf;
+pub mod shipped;
+
+use crate::space::{Space, observer::Frame};
+use glam::{DMat3, DVec3, DVec4};
+use half::f16;
+
+/// A scene, complete and checked.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// For messages and statistics: the catalogue name or the file's path.
+    pub name: String,
+    /// The space.
+    pub space: Space,
+    /// Where the picture is taken from.
+    pub observer: Observer,
+    /// Point lights.
+    pub lights: Vec<PointLight>,
+    /// Materials of objects and meshes.
+    pub materials: Vec<Material>,
+    /// Textures of materials.
+    pub textures: Vec<Texture>,
+    /// Meshes of objects.
+    pub meshes: Vec<Mesh>,
+    /// What is to be seen.
+    pub objects: Vec<Object>,
+    /// How it is to be seen.
+    pub settings: Settings,
+}
+
+/// The observer of a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observer {
+    /// Position and axes right, up, back.
+    pub frame: Frame,
+    /// Vertical field of view in degrees, in (0, 180).
+    pub fov: f64,
+    /// Distance of the eyes for `--stereo`, in units of length of the space.
+    pub eye_distance: f64,
+}
+
+/// A light without extent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointLight {
+    /// Cell of the position.
+    pub cell: usize,
+    /// Position, in the geometry's coordinates.
+    pub point: DVec4,
+    /// Linear colour times intensity (radiance of a white surface facing the light at unit area density, times π).
+    pub color: [f32; 3],
+    /// Its light fades to nothing at this distance. Images of the light under the deck group count up to it.
+    pub range: f64,
+    /// Whether objects throw shadows in it.
+    pub shadows: bool,
+}
+
+/// The metallic-roughness model of glTF 2.0.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// Name in the scene or glTF file.
+    pub name: String,
+    /// Linear base colour and opacity.
+    pub base_color: [f32; 4],
+    /// Linear light given off.
+    pub emission: [f32; 3],
+    /// 0 dielectric, 1 metal.
+    pub metallic: f32,
+    /// Perceptual roughness in [0, 1].
+    pub roughness: f32,
+    /// Opacity below which the surface has a hole.
+    pub alpha_cutoff: Option<f32>,
+    /// Base colour texture (index into [`Scene::textures`]), multiplied with `base_color`.
+    pub base_texture: Option<usize>,
+    /// Metallic-roughness texture: green times roughness, blue times metallic.
+    pub surface_texture: Option<usize>,
+}
+
+/// How a texture goes on outside [0, 1].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wrap {
+    /// Again and again.
+    Repeat,
+    /// With its edge.
+    Clamp,
+    /// Back and forth.
+    Mirror,
+}
+
+/// An image with linear values, rows from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Texture {
+    /// Width in texels, 1 to [`MAX_TEXTURE_SIZE`].
+    pub width: u32,
+    /// Height in texels, 1 to [`MAX_TEXTURE_SIZE`].
+    pub height: u32,
+    /// Linear RGBA. Colour textures are decoded from sRGB when they are read.
+    pub texels: Vec<[f16; 4]>,
+    /// Wrap modes across and down.
+    pub wrap: [Wrap; 2],
+}
+
+/// Largest side of a texture, the limit that every Vulkan 1.2 desktop driver grants to images.
+pub const MAX_TEXTURE_SIZE: u32 = 16384;
+
+/// A vertex of a mesh, in the mesh's own space (glTF: right-handed, y up, metres).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vertex {
+    /// Position.
+    pub position: DVec3,
+    /// Unit normal.
+    pub normal: DVec3,
+    /// Texture coordinates, origin at the top left.
+    pub uv: [f32; 2],
+}
+
+/// Triangles with one material each.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mesh {
+    /// File it came from.
+    pub name: String,
+    /// Vertices; node transforms are applied.
+    pub vertices: Vec<Vertex>,
+    /// Corners, as indices into `vertices`, and material, as index into [`Scene::materials`].
+    pub triangles: Vec<([u32; 3], usize)>,
+}
+
+/// What an object is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shape {
+    /// Index into [`Scene::meshes`].
+    Mesh(usize),
+    /// A metric ball.
+    Ball {
+        /// Radius as a length in the space.
+        radius: f64,
+    },
+    /// A tube around a piece of geodesic that starts at the placement's point along its third axis.
+    Tube {
+        /// Radius as a length in the space.
+        radius: f64,
+        /// Length of the axis.
+        length: f64,
+    },
+    /// Tubes around all edges of the object's cell, with balls of the same radius at its vertices.
+    DomainEdges {
+        /// Radius as a length in the space.
+        radius: f64,
+    },
+}
+
+/// Where an object is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Place {
+    /// Fixed in the space.
+    World(Frame),
+    /// Fixed to the observer: reached from his point by the exponential map of `offset`, with parallel transport
+    /// of his frame, turned by `rotation`.
+    Viewer {
+        /// Components right, up, back; a length in the space.
+        offset: DVec3,
+        /// Columns are the object's axes in the observer's frame.
+        rotation: DMat3,
+    },
+}
+
+/// Something to be seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Object {
+    /// Name for messages.
+    pub name: String,
+    /// What it is.
+    pub shape: Shape,
+    /// Where it is.
+    pub place: Place,
+    /// Lengths of a mesh are multiplied by this before the exponential map; positive.
+    pub scale: f64,
+    /// Material instead of the mesh's own (required for quadrics).
+    pub material: Option<usize>,
+}
+
+/// What a picture shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Shading {
+    /// Lambert and specular light with the metric of the space.
+    Riemannian,
+    /// The unit normal in the observer's frame, carried back along the ray, as a colour.
+    Normals,
+    /// Geodesic length to the first hit; infinity where nothing was hit.
+    Distance,
+    /// Passages through faces.
+    Bounces,
+    /// Segments traced.
+    Segments,
+    /// Deck element of the cell in which the ray ended; 0 is the observer's own cell.
+    Cell,
+    /// Index of the object hit, −1 where nothing was hit.
+    Object,
+}
+
+impl Shading {
+    /// All shadings with their names on the command line and in scenes.
+    pub const NAMES: &[(&'static str, Shading)] = &[
+        ("riemannian", Self::Riemannian),
+        ("normals", Self::Normals),
+        ("distance", Self::Distance),
+        ("bounces", Self::Bounces),
+        ("segments", Self::Segments),
+        ("cell", Self::Cell),
+        ("object", Self::Object),
+    ];
+
+    /// Whether pixels hold a value and not a colour.
+    pub fn is_raw(self) -> bool {
+        !matches!(self, Self::Riemannian | Self::Normals)
+    }
+}
+
+/// The `[render]` table.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Largest number of face passages, 1 to [`MAX_BOUNCES`].
+    pub bounces: u32,
+    /// Geodesics end at this length.
+    pub max_distance: Option<f64>,
+    /// Fog density per unit length, 0 for none.
+    pub fog: f64,
+    /// Linear colour of the fog and of what lies beyond.
+    pub background: [f32; 3],
+    /// Linear light from everywhere.
+    pub ambient: [f32; 3],
+    /// Linear colour times intensity of the light at the viewer, black for none.
+    pub headlight: [f32; 3],
+    /// What the picture shows.
+    pub shading: Shading,
+    /// Largest deviation of a chord from its geodesic, as a share of a pixel's footprint.
+    pub tolerance: f64,
+}
+
+/// Largest accepted bounce count.
+pub const MAX_BOUNCES: u32 = 100_000;
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            bounces: 8,
+            max_distance: None,
+            fog: 0.0,
+            background: [0.0; 3],
+            ambient: [0.03; 3],
+            headlight: [0.0; 3],
+            shading: Shading::Riemannian,
+            tolerance: 0.5,
+        }
+    }
+}
+
+impl Material {
+    /// A plain surface of one linear colour.
+    pub fn plain(name: &str, color: [f32; 3]) -> Self {
+        Self {
+            name: name.to_owned(),
+            base_color: [color[0], color[1], color[2], 1.0],
+            emission: [0.0; 3],
+            metallic: 0.0,
+            roughness: 0.6,
+            alpha_cutoff: None,
+            base_texture: None,
+            surface_texture: None,
+        }
+    }
+}

@@ -1,0 +1,511 @@
+//! Everything that host and shaders both know: structures, bindings, specialization constants, named numbers.
+//!
+//! Each is written once, here, by a macro that declares the Rust item and emits its GLSL text; the build script
+//! includes this file by path and writes [`glsl`] to `shared/io.glsl` on the shader include path. All buffers
+//! use scalar block layout (`VK_EXT_scalar_block_layout`, core in Vulkan 1.2), so a `vec3` is three floats on
+//! both sides; the test `shaders::layout` compares every offset with the compiled SPIR-V.
+
+/// GLSL type names, so that the structures below read the same in both languages.
+#[allow(non_camel_case_types)]
+pub mod types {
+    /// 32-bit float.
+    pub type float = f32;
+    /// 32-bit unsigned integer.
+    pub type uint = u32;
+    /// Two floats.
+    pub type vec2 = [f32; 2];
+    /// Three floats.
+    pub type vec3 = [f32; 3];
+    /// Four floats.
+    pub type vec4 = [f32; 4];
+    /// Two unsigned integers.
+    pub type uvec2 = [u32; 2];
+    /// Three unsigned integers.
+    pub type uvec3 = [u32; 3];
+    /// Four columns of four floats.
+    pub type mat4 = [[f32; 4]; 4];
+}
+
+/// Declares `repr(C)` structures and collects their GLSL text, names, members and offsets.
+macro_rules! structures {
+    ($($(#[doc = $doc:literal])* struct $name:ident { $($(#[doc = $field_doc:literal])* $field:ident: $type:ident,)* })*) => {
+        $(
+            $(#[doc = $doc])*
+            #[repr(C)]
+            #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+            pub struct $name { $($(#[doc = $field_doc])* pub $field: types::$type,)* }
+        )*
+
+        /// GLSL declarations of all structures.
+        pub const STRUCTURES_GLSL: &str = concat!(
+            $("struct ", stringify!($name), " {\n", $("    ", stringify!($type), " ", stringify!($field), ";\n",)* "};\n",)*
+        );
+
+        /// Name, members and byte offsets of all structures, for the layout test.
+        pub fn layouts() -> Vec<(&'static str, usize, Vec<(&'static str, usize)>)> {
+            vec![$((
+                stringify!($name),
+                std::mem::size_of::<$name>(),
+                vec![$((stringify!($field), std::mem::offset_of!($name, $field)),)*],
+            ),)*]
+        }
+    };
+}
+
+structures! {
+    /// What changes from picture to picture: one observer's eye and the render settings.
+    struct View {
+        /// Eye position, in the model.
+        eye: vec4,
+        /// Unit tangent vector to the right.
+        right: vec4,
+        /// Unit tangent vector upwards.
+        up: vec4,
+        /// Unit tangent vector forwards.
+        forward: vec4,
+        /// Tangents of the frustum's sides from the view direction: left, right, down, up (left and down are
+        /// negative in a symmetric frustum).
+        tangents: vec4,
+        /// Colour where nothing is seen, linear.
+        background: vec3,
+        /// Fog density per unit length.
+        fog: float,
+        /// Light from everywhere, linear.
+        ambient: vec3,
+        /// Geodesics end here.
+        max_distance: float,
+        /// Colour times intensity of the light at the viewer, linear.
+        headlight: vec3,
+        /// Largest deviation of a chord from its geodesic at unit distance, as an angle seen from the eye.
+        chord_tolerance: float,
+        /// Width and height in pixels.
+        size: uvec2,
+        /// Largest number of face passages.
+        bounces: uint,
+        /// Cell in which the eye is.
+        cell: uint,
+    }
+
+    /// What changes from dispatch to dispatch: push constants.
+    struct Dispatch {
+        /// First pixel of the tile.
+        origin: uvec2,
+        /// Pixels of the tile.
+        extent: uvec2,
+        /// Position of the sample inside a pixel, in [0, 1)².
+        offset: vec2,
+    }
+
+    /// A face of a cell with its pairing.
+    struct Face {
+        /// Inner side is `plane · (chart, 1) ≤ 0`.
+        plane: vec4,
+        /// Linear part of the pairing isometry.
+        linear: mat4,
+        /// Rest of the pairing isometry.
+        shift: vec4,
+        /// Cell on the other side.
+        cell: uint,
+        /// Face of that cell through which the ray enters (index into all faces).
+        partner: uint,
+    }
+
+    /// A cell: ranges in the other buffers.
+    struct Cell {
+        /// First face.
+        first_face: uint,
+        /// Number of faces.
+        face_count: uint,
+        /// Root of the cell's bounding volume hierarchy, or [`NONE`].
+        root: uint,
+        /// First light image.
+        first_light: uint,
+        /// Number of light images.
+        light_count: uint,
+    }
+
+    /// Inner node: boxes of both children. A child with `count > 0` is the leaf of primitives
+    /// `child .. child + count`.
+    struct Node {
+        /// Lower corner of the first child, in the chart.
+        lower0: vec3,
+        /// First child.
+        child0: uint,
+        /// Upper corner of the first child.
+        upper0: vec3,
+        /// Primitives in the first child, 0 for an inner node.
+        count0: uint,
+        /// Lower corner of the second child.
+        lower1: vec3,
+        /// Second child.
+        child1: uint,
+        /// Upper corner of the second child.
+        upper1: vec3,
+        /// Primitives in the second child, 0 for an inner node.
+        count1: uint,
+    }
+
+    /// Corners of a triangle, in the chart.
+    struct Triangle {
+        /// First corner.
+        a: vec3,
+        /// Second corner.
+        b: vec3,
+        /// Third corner.
+        c: vec3,
+    }
+
+    /// What shading needs of a triangle.
+    struct TriangleShading {
+        /// Chart conormal at the first corner.
+        conormal_a: vec3,
+        /// Chart conormal at the second corner.
+        conormal_b: vec3,
+        /// Chart conormal at the third corner.
+        conormal_c: vec3,
+        /// Texture coordinates at the first corner.
+        uv_a: vec2,
+        /// Texture coordinates at the second corner.
+        uv_b: vec2,
+        /// Texture coordinates at the third corner.
+        uv_c: vec2,
+        /// Index of the material.
+        material: uint,
+        /// Index of the scene's object.
+        object: uint,
+    }
+
+    /// The surface `xᵀQx = 0`, `x = (chart, 1)`, between two planes.
+    struct Quadric {
+        /// The symmetric matrix; inside is negative.
+        form: mat4,
+        /// Points with a negative product are cut off.
+        clip0: vec4,
+        /// Points with a negative product are cut off.
+        clip1: vec4,
+        /// Index of the material.
+        material: uint,
+        /// Index of the scene's object.
+        object: uint,
+    }
+
+    /// A surface's looks: the metallic-roughness model of glTF 2.0.
+    struct Material {
+        /// Linear base colour and opacity.
+        base_color: vec4,
+        /// Linear light that the surface gives by itself.
+        emission: vec3,
+        /// 0 dielectric, 1 metal.
+        metallic: float,
+        /// Perceptual roughness.
+        roughness: float,
+        /// Opacity below which a texel is a hole; negative: no mask.
+        alpha_cutoff: float,
+        /// Index of the base colour texture, or [`NONE`].
+        base_texture: uint,
+        /// Index of the metallic-roughness texture (green roughness, blue metallic), or [`NONE`].
+        surface_texture: uint,
+    }
+
+    /// A texture in the texel buffer. Texels are linear RGBA as four halves, so that each backend filters the
+    /// same numbers in the same way.
+    struct Texture {
+        /// First texel.
+        first: uint,
+        /// Width in texels.
+        width: uint,
+        /// Height in texels.
+        height: uint,
+        /// Wrap mode across: [`WRAP_REPEAT`], [`WRAP_CLAMP`] or [`WRAP_MIRROR`].
+        wrap_u: uint,
+        /// Wrap mode down.
+        wrap_v: uint,
+    }
+
+    /// A point light, or the image of one under a deck transformation.
+    struct Light {
+        /// Position, in the model.
+        point: vec4,
+        /// Colour times intensity, linear.
+        color: vec3,
+        /// Its light fades to nothing at this distance.
+        range: float,
+        /// 1 if objects throw shadows in it.
+        shadows: uint,
+    }
+
+    /// One evaluation of a function of the geometry, for tests and the `geodesic` command.
+    struct ProbeIn {
+        /// First argument.
+        a: vec4,
+        /// Second argument.
+        b: vec4,
+        /// Third argument.
+        c: vec4,
+        /// Scalar argument.
+        t: float,
+        /// Which function: one of the `PROBE_` numbers.
+        op: uint,
+    }
+
+    /// Its result.
+    struct ProbeOut {
+        /// First result.
+        a: vec4,
+        /// Second result.
+        b: vec4,
+    }
+}
+
+/// Declares named numbers for both sides.
+macro_rules! numbers {
+    ($($(#[doc = $doc:literal])* $name:ident: $type:ident = $value:expr;)*) => {
+        $($(#[doc = $doc])* pub const $name: types::$type = $value;)*
+
+        /// GLSL declarations of all named numbers.
+        pub fn numbers_glsl() -> String {
+            let mut text = String::new();
+            $(text += &format!("const {} IO_{} = {};\n", stringify!($type), stringify!($name), Literal::glsl($name));)*
+            text
+        }
+    };
+}
+
+trait Literal {
+    fn glsl(self) -> String;
+}
+
+impl Literal for u32 {
+    fn glsl(self) -> String {
+        format!("{self}u")
+    }
+}
+
+impl Literal for f32 {
+    fn glsl(self) -> String {
+        format!("{self:e}")
+    }
+}
+
+numbers! {
+    /// "No such index".
+    NONE: uint = 0xffff_ffff;
+    /// Bit of a primitive reference that marks a quadric; the other bits are an index.
+    QUADRIC_BIT: uint = 0x8000_0000;
+    /// Texture wrap mode.
+    WRAP_REPEAT: uint = 0;
+    /// Texture wrap mode.
+    WRAP_CLAMP: uint = 1;
+    /// Texture wrap mode.
+    WRAP_MIRROR: uint = 2;
+    /// Depth of the traversal stack. The builder keeps trees below it.
+    STACK_SIZE: uint = 48;
+    /// Passages that reduction may take after a crossing before it gives up; a state that needs more has left
+    /// every chart of the group and is counted as lost.
+    REDUCE_LIMIT: uint = 64;
+    /// f32 counterpart of `geometry::ON_FACE`: a few roundings of coordinates of order 1.
+    ON_FACE: float = 2e-6;
+    /// f32 counterpart of `geometry::ALONG_FACE`.
+    ALONG_FACE: float = 1e-6;
+    /// Shadow rays start this far along the surface normal, in units of length.
+    SHADOW_OFFSET: float = 5e-4;
+    /// Light falls off as if it came from no nearer than this, so that a light at a surface stays finite.
+    MIN_LIGHT_AREA: float = 1e-4;
+    /// Segments per permitted bounce after which a path is given up: chords of curved geodesics are counted.
+    SEGMENTS_PER_BOUNCE: uint = 4096;
+    /// Pixels across one workgroup.
+    GROUP_WIDTH: uint = 8;
+    /// Pixels down one workgroup.
+    GROUP_HEIGHT: uint = 8;
+    /// Invocations of one workgroup of the probe.
+    PROBE_GROUP: uint = 64;
+
+    /// Riemannian shading.
+    SHADING_RIEMANNIAN: uint = 0;
+    /// Normals as colours.
+    SHADING_NORMALS: uint = 1;
+    /// Geodesic length to the first hit.
+    SHADING_DISTANCE: uint = 2;
+    /// Passages through faces.
+    SHADING_BOUNCES: uint = 3;
+    /// Segments traced.
+    SHADING_SEGMENTS: uint = 4;
+    /// Deck element of the cell in which the ray ended.
+    SHADING_CELL: uint = 5;
+    /// Object hit.
+    SHADING_OBJECT: uint = 6;
+
+    /// Counter: primary rays.
+    COUNT_RAYS: uint = 0;
+    /// Counter: segments of primary rays.
+    COUNT_SEGMENTS: uint = 1;
+    /// Counter: passages of primary rays through faces.
+    COUNT_BOUNCES: uint = 2;
+    /// Counter: primary rays that hit an object.
+    COUNT_HITS: uint = 3;
+    /// Counter: hierarchy nodes visited, shadow rays included.
+    COUNT_NODES: uint = 4;
+    /// Counter: triangles tested.
+    COUNT_TRIANGLES: uint = 5;
+    /// Counter: quadrics tested.
+    COUNT_QUADRICS: uint = 6;
+    /// Counter: shadow rays.
+    COUNT_SHADOW_RAYS: uint = 7;
+    /// Counter: segments of shadow rays.
+    COUNT_SHADOW_SEGMENTS: uint = 8;
+    /// Counter: states that reduction could not bring back into the domain. Always 0 in a sound space.
+    COUNT_LOST: uint = 9;
+    /// Number of counters.
+    COUNT_END: uint = 10;
+
+    /// Probe: `geo_flow`.
+    PROBE_FLOW: uint = 0;
+    /// Probe: `geo_inner`.
+    PROBE_INNER: uint = 1;
+    /// Probe: `geo_log`.
+    PROBE_LOG: uint = 2;
+    /// Probe: `geo_area_density`.
+    PROBE_AREA_DENSITY: uint = 3;
+    /// Probe: `geo_length`.
+    PROBE_LENGTH: uint = 4;
+    /// Probe: `geo_parameter_at`.
+    PROBE_PARAMETER_AT: uint = 5;
+    /// Probe: `geo_advance`.
+    PROBE_ADVANCE: uint = 6;
+    /// Probe: `geo_exit`.
+    PROBE_EXIT: uint = 7;
+    /// Probe: `geo_chord`.
+    PROBE_CHORD: uint = 8;
+    /// Probe: `geo_parameter`.
+    PROBE_PARAMETER: uint = 9;
+    /// Probe: `geo_restore`.
+    PROBE_RESTORE: uint = 10;
+    /// Probe: `geo_chart`.
+    PROBE_CHART: uint = 11;
+    /// Probe: `geo_unchart`.
+    PROBE_UNCHART: uint = 12;
+    /// Probe: `geo_raise`.
+    PROBE_RAISE: uint = 13;
+    /// Probe: `geo_apply`, with the pairing of the first face.
+    PROBE_APPLY: uint = 14;
+    /// Probe: `geo_base`.
+    PROBE_BASE: uint = 15;
+}
+
+/// Declares specialization constants with the ids 0, 1, 2, … for both sides.
+macro_rules! specialization {
+    ($($(#[doc = $doc:literal])* $name:ident: $type:ident = $default:literal;)*) => {
+        /// Values of the specialization constants, in the order of their ids; booleans are 0 or 1.
+        #[repr(C)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[allow(non_snake_case)]
+        pub struct Specialization { $($(#[doc = $doc])* pub $name: u32,)* }
+
+        impl Specialization {
+            /// The values as words; word `i` belongs to constant id `i`.
+            pub fn words(&self) -> Vec<u32> {
+                vec![$(self.$name),*]
+            }
+        }
+
+        /// GLSL declarations of all specialization constants.
+        pub fn specialization_glsl() -> String {
+            let mut text = String::new();
+            for (id, (kind, name, default)) in [$((stringify!($type), stringify!($name), stringify!($default)),)*].iter().enumerate() {
+                text += &format!("layout(constant_id = {id}) const {kind} IO_{} = {default};\n", name.to_uppercase());
+            }
+            text
+        }
+    };
+}
+
+specialization! {
+    /// The scene has triangles.
+    meshes: bool = true;
+    /// The scene has quadrics.
+    quadrics: bool = true;
+    /// A material has an alpha mask.
+    alpha_mask: bool = true;
+    /// A material has a texture.
+    textures: bool = true;
+    /// There are point lights.
+    lights: bool = true;
+    /// A point light throws shadows.
+    shadows: bool = true;
+    /// There is a light at the viewer.
+    headlight: bool = true;
+    /// There is fog.
+    fog: bool = true;
+    /// Geodesics end at a finite distance.
+    max_distance: bool = true;
+    /// Cells are labelled by their deck elements.
+    labels: bool = true;
+    /// Work is counted.
+    counters: bool = true;
+    /// One of the `SHADING_` numbers.
+    shading: uint = 0;
+}
+
+/// Declares buffer bindings of descriptor set 0 for both sides.
+macro_rules! bindings {
+    ($($(#[doc = $doc:literal])* $number:literal $name:ident: $access:ident $type:ident;)*) => {
+        /// Binding numbers of descriptor set 0; all are storage buffers.
+        pub mod binding {
+            $($(#[doc = $doc])* #[allow(non_upper_case_globals)] pub const $name: u32 = $number;)*
+        }
+
+        /// Number of bindings.
+        pub const BINDINGS: usize = [$($number),*].len();
+
+        /// GLSL declarations of all bindings.
+        pub const BINDINGS_GLSL: &str = concat!(
+            $("layout(set = 0, binding = ", stringify!($number), ", scalar) ", stringify!($access), " buffer Io_",
+              stringify!($name), " { ", stringify!($type), " io_", stringify!($name), "[]; };\n",)*
+        );
+    };
+}
+
+bindings! {
+    /// One `View`.
+    0 view: readonly View;
+    /// All faces of all cells.
+    1 faces: readonly Face;
+    /// The cells.
+    2 cells: readonly Cell;
+    /// Bounding volume hierarchies.
+    3 nodes: readonly Node;
+    /// Primitive references in leaf order.
+    4 primitives: readonly uint;
+    /// Corners of triangles.
+    5 triangles: readonly Triangle;
+    /// Their shading data.
+    6 triangle_shading: readonly TriangleShading;
+    /// Quadrics.
+    7 quadric_surfaces: readonly Quadric;
+    /// Materials.
+    8 materials: readonly Material;
+    /// Textures.
+    9 texture_table: readonly Texture;
+    /// Texels: two words each.
+    10 texels: readonly uvec2;
+    /// Light images.
+    11 light_images: readonly Light;
+    /// Deck element behind each face: element × faces table.
+    12 label_table: readonly uint;
+    /// Linear colour or raw value per pixel, summed over samples.
+    13 pixels: restrict vec4;
+    /// Work counters.
+    14 counts: coherent uint;
+    /// Arguments of the probe.
+    15 probe_in: readonly ProbeIn;
+    /// Results of the probe.
+    16 probe_out: writeonly ProbeOut;
+}
+
+/// Text of `shared/io.glsl`.
+pub fn glsl() -> String {
+    let head = "// Generated by the build from src/shader_io.rs: do not edit.\n#ifndef IO_GLSL\n#define IO_GLSL\n";
+    let push =
+        "#ifdef IO_DISPATCH\nlayout(push_constant, scalar) uniform IoDispatch { Dispatch io_dispatch; };\n#endif\n";
+    [head, STRUCTURES_GLSL, &numbers_glsl(), &specialization_glsl(), BINDINGS_GLSL, push, "#endif\n"].concat()
+}
