@@ -4,6 +4,9 @@
 //! cell appears whole because every deck transformation that brings a part of it into the cell contributes its
 //! triangles there. Triangles outside of the cell are dropped, so copies cost no more than the mesh itself.
 
+mod build;
+mod place;
+
 use crate::{
     geometry::GeometryId,
     render::plan::Plan,
@@ -79,4 +82,21 @@ pub struct WorldLight {
     pub spot: Option<(DVec4, f64)>,
     /// Throws shadows.
     pub shadows: bool,
+}
+
+/// Why a scene could not be prepared.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum WorldError {
+    /// An object or a light is so large that its copies fill the space.
+    #[error("{0} reaches into more than {1} cells: make it smaller")]
+    TooManyCopies(String, usize),
+    /// An object's place cannot be brought into the domain.
+    #[error("{0} has no place in the domain: the pairings do not lead back to it")]
+    Lost(String),
+    /// A cell's vertices lie outside of the chart.
+    #[error("{0}: a vertex of the cell lies outside of the chart")]
+    OutsideChart(String),
+    /// A cell is not a bounded polyhedron.
+    #[error(transparent)]
+    Polyhedron(#[from] crate::space::polyhedron::PolyhedronError),
 }
