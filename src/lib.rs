@@ -1,6 +1,7 @@
 //! Holonomy: a real-time ray tracer inside Thurston's geometries.
 #![warn(missing_docs)]
 
+pub mod cli;
 pub mod geometry;
 pub mod render;
 pub mod scene;
