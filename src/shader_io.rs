@@ -230,6 +230,10 @@ structures! {
         color: vec3,
         /// Its light fades to nothing at this distance.
         range: float,
+        /// Axis of a spot light: unit tangent vector at its position.
+        axis: vec4,
+        /// Cosine of half the spot's opening angle; below −1: shines everywhere.
+        spot_cosine: float,
         /// 1 if objects throw shadows in it.
         shadows: uint,
     }
@@ -309,6 +313,15 @@ numbers! {
     ALONG_FACE: float = 1e-6;
     /// Shadow rays start this far along the surface normal, in units of length.
     SHADOW_OFFSET: float = 5e-4;
+    /// Segments reach this far beyond both ends, in chart units, so that a surface that passes through a face is
+    /// met by the segment before the face or by the one behind it whatever the rounding.
+    OVERLAP: float = 4e-6;
+    /// A path's segment ends where the path ends.
+    END_LIMIT: uint = 0xffff_ffff;
+    /// A path's segment is a chord that ends inside the cell.
+    END_CHORD: uint = 0xffff_fffe;
+    /// Face passages of a shadow ray after which its light counts as reached.
+    SHADOW_BOUNCES: uint = 64;
     /// Light falls off as if it came from no nearer than this, so that a light at a surface stays finite.
     MIN_LIGHT_AREA: float = 1e-4;
     /// Segments per permitted bounce after which a path is given up: chords of curved geodesics are counted.
@@ -388,6 +401,8 @@ numbers! {
     PROBE_RAISE: uint = 13;
     /// Probe: `geo_apply`, with the pairing of the first face.
     PROBE_APPLY: uint = 14;
+    /// Probe: `geo_side`.
+    PROBE_SIDE: uint = 16;
     /// Probe: `geo_base`.
     PROBE_BASE: uint = 15;
 }
@@ -420,6 +435,8 @@ macro_rules! specialization {
 }
 
 specialization! {
+    /// The space has several cells.
+    multi_cell: bool = true;
     /// The scene has triangles.
     meshes: bool = true;
     /// The scene has quadrics.

@@ -12,6 +12,7 @@
 //   float    geo_length(Geodesic g, float u)                arc length at curve parameter u
 //   float    geo_parameter_at(Geodesic g, float t)          curve parameter at arc length t >= 0
 //   Geodesic geo_advance(Geodesic g, float u)               state at curve parameter u
+//   float    geo_side(vec4 p, vec4 plane)                   size of the plane's form at p: negative inside
 //   float    geo_exit(Geodesic g, vec4 plane)               first u >= 0 where g leaves through plane; else infinity
 //   float    geo_chord(Geodesic g, float u_max, float tol)  largest u <= u_max whose chord deviates at most tol
 //   float    geo_parameter(Geodesic g, vec3 c)              u of the curve's point nearest to chart point c
@@ -57,6 +58,10 @@ float geo_parameter_at(Geodesic g, float t) {
 
 Geodesic geo_advance(Geodesic g, float u) {
     return geo_flow(g, u);
+}
+
+float geo_side(vec4 p, vec4 plane) {
+    return dot(plane, p);
 }
 
 float geo_exit(Geodesic g, vec4 plane) {

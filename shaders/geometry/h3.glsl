@@ -47,12 +47,17 @@ float geo_length(Geodesic g, float u) {
 }
 
 float geo_parameter_at(Geodesic g, float t) {
-    return m_tanh(t);
+    // From here on tanh t rounds to 1, where the geodesic's end lies.
+    return t < 8.5 ? m_tanh(t) : M_INFINITY;
 }
 
 Geodesic geo_advance(Geodesic g, float u) {
     float scale = inversesqrt((1.0 - u) * (1.0 + u));
     return Geodesic((g.point + g.velocity * u) * scale, (g.velocity + g.point * u) * scale);
+}
+
+float geo_side(vec4 p, vec4 plane) {
+    return dot(plane, p);
 }
 
 float geo_exit(Geodesic g, vec4 plane) {

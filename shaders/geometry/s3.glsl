@@ -46,6 +46,10 @@ Geodesic geo_advance(Geodesic g, float u) {
     return Geodesic(g.point * c + g.velocity * s, g.velocity * c - g.point * s);
 }
 
+float geo_side(vec4 p, vec4 plane) {
+    return dot(plane, p);
+}
+
 float geo_exit(Geodesic g, vec4 plane) {
     // a cos t + b sin t = 0 from below: tan(t/2) = -a / (sqrt(a^2 + b^2) + b).
     float a = dot(plane, g.point);

@@ -70,6 +70,10 @@ impl Geometry for E3 {
         self.flow(g, u)
     }
 
+    fn side(&self, p: DVec4, plane: DVec4) -> f64 {
+        plane.dot(p)
+    }
+
     fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
         let rate = plane.dot(g.velocity);
         if rate > ALONG_FACE { (-plane.dot(g.point) / rate).max(0.0) } else { f64::INFINITY }

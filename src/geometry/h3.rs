@@ -92,12 +92,17 @@ impl Geometry for H3 {
     }
 
     fn parameter_at(&self, _g: Geodesic, t: f64) -> f64 {
-        t.tanh()
+        // From here on tanh t rounds to 1, where the geodesic's end lies.
+        if t < 18.0 { t.tanh() } else { f64::INFINITY }
     }
 
     fn advance(&self, g: Geodesic, u: f64) -> Geodesic {
         let scale = ((1.0 - u) * (1.0 + u)).sqrt().recip();
         Geodesic { point: (g.point + g.velocity * u) * scale, velocity: (g.velocity + g.point * u) * scale }
+    }
+
+    fn side(&self, p: DVec4, plane: DVec4) -> f64 {
+        plane.dot(p)
     }
 
     fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {

@@ -27,7 +27,7 @@ pub mod laws;
 pub(crate) mod registry;
 pub mod s3;
 
-use glam::{DMat3, DMat4, DVec3, DVec4, Vec4Swizzles};
+use glam::{DMat4, DVec3, DVec4, Vec4Swizzles};
 use registry::geometries;
 
 /// A point with a tangent vector there; a unit vector unless said otherwise.
@@ -142,6 +142,9 @@ pub trait Geometry: Copy + Send + Sync + 'static {
     /// Point and velocity at curve parameter `u`.
     fn advance(&self, g: Geodesic, u: f64) -> Geodesic;
 
+    /// Signed size of the plane's affine form at a point: negative inside, of order of the distance nearby.
+    fn side(&self, p: DVec4, plane: DVec4) -> f64;
+
     /// First curve parameter `u ≥ 0` at which `g` passes from the inner side of `plane` to the outer one;
     /// infinite if it never does. A start on the plane (within [`ON_FACE`]) counts as inside, and a direction
     /// within [`ALONG_FACE`] of the plane does not leave through it.
@@ -215,12 +218,6 @@ pub const ON_FACE: f64 = 1e-12;
 /// Directions whose product with a face plane is smaller than this run along the face. In a cell of diameter 1
 /// such a ray moves off the face by less than [`ON_FACE`] before another face stops it.
 pub const ALONG_FACE: f64 = 1e-13;
-
-/// Value of the plane's affine form at a point of the model, scaled by the point's homogeneous coordinate:
-/// negative inside. Valid for every geometry whose chart is `x/w`, and for those with `w = 1`.
-pub fn plane_side(plane: DVec4, p: DVec4) -> f64 {
-    plane.dot(p)
-}
 
 macro_rules! register {
     ($(($type:ident, $module:ident, $name:literal, [$($alias:literal),*], $title:literal),)*) => {
@@ -355,11 +352,6 @@ pub fn orthonormalise<G: Geometry>(geometry: G, p: DVec4, mut frame: [DVec4; 3])
 /// Rows of a 4×4 matrix as they are printed, to glam's columns.
 pub fn matrix_from_rows(rows: [[f64; 4]; 4]) -> DMat4 {
     DMat4::from_cols_array_2d(&rows).transpose()
-}
-
-/// Block matrix of a rotation of R³ that fixes the last coordinate.
-pub fn rotation_about_base(rotation: DMat3) -> DMat4 {
-    DMat4::from_mat3(rotation)
 }
 
 /// `xyz` of a vector, for the geometries whose chart covectors are spatial parts.

@@ -81,6 +81,10 @@ impl Geometry for S3 {
         Geodesic { point: g.point * cos + g.velocity * sin, velocity: g.velocity * cos - g.point * sin }
     }
 
+    fn side(&self, p: DVec4, plane: DVec4) -> f64 {
+        plane.dot(p)
+    }
+
     fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
         // a cos t + b sin t = 0 from below: tan(t/2) = -a / (√(a²+b²) + b).
         let (a, b) = (plane.dot(g.point), plane.dot(g.velocity));

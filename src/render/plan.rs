@@ -80,6 +80,8 @@ pub struct Plan {
     pub decisions: Vec<Decision>,
     /// What the picture shows.
     pub shading: Shading,
+    /// Whether the space has several cells, so that rays must remember theirs.
+    pub multi_cell: bool,
 }
 
 impl Plan {
@@ -132,7 +134,7 @@ impl Plan {
             Decision { feature, needed, kept: false, reason }
         };
         let decisions = Feature::NAMES.iter().map(|(_, feature)| decide(*feature)).collect();
-        Self { decisions, shading }
+        Self { decisions, shading, multi_cell: scene.space.cells.len() > 1 }
     }
 
     /// Keeps features in that the scene does not need.
@@ -152,6 +154,7 @@ impl Plan {
     pub fn specialization(&self) -> Specialization {
         let on = |feature| u32::from(self.uses(feature));
         Specialization {
+            multi_cell: u32::from(self.multi_cell),
             meshes: on(Feature::Meshes),
             quadrics: on(Feature::Quadrics),
             alpha_mask: on(Feature::AlphaMask),

@@ -57,6 +57,8 @@ pub struct PointLight {
     pub color: [f32; 3],
     /// Its light fades to nothing at this distance. Images of the light under the deck group count up to it.
     pub range: f64,
+    /// Spot light: unit tangent vector at `point` along its axis, and cosine of half its opening angle.
+    pub spot: Option<(DVec4, f64)>,
     /// Whether objects throw shadows in it.
     pub shadows: bool,
 }
@@ -190,7 +192,7 @@ pub struct Object {
 pub enum Shading {
     /// Lambert and specular light with the metric of the space.
     Riemannian,
-    /// The unit normal in the observer's frame, carried back along the ray, as a colour.
+    /// The unit chart conormal on the viewer's side as a colour, `0.5 + 0.5 n`.
     Normals,
     /// Geodesic length to the first hit; infinity where nothing was hit.
     Distance,

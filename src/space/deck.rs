@@ -1,1 +1,104 @@
-//! To come.
+//! Deck transformations, enumerated from the pairings.
+//!
+//! An element is a cell together with the isometry that carries the start cell's coordinates into its own: the
+//! product of the pairings along a path of faces. Two paths lead to the same element exactly if they carry a
+//! point without symmetry to the same place, so elements are recognised by the image of such a point.
+
+use super::domain::Domain;
+use crate::{
+    geometry::{Geodesic, Geometry, Isometry},
+    shader_io::NONE,
+};
+use std::collections::{HashMap, VecDeque};
+
+/// A cell reached from the start cell.
+#[derive(Clone, Copy, Debug)]
+pub struct Element {
+    /// The cell.
+    pub cell: usize,
+    /// Carries points of the start cell's coordinates to this cell's.
+    pub isometry: Isometry,
+}
+
+/// Set of elements that grows by crossing faces.
+pub struct Elements<G> {
+    geometry: G,
+    witness: Geodesic,
+    known: HashMap<(usize, [i64; 4]), usize>,
+    /// All elements found, the identity first.
+    pub list: Vec<Element>,
+}
+
+impl<G: Geometry> Elements<G> {
+    /// The identity of `cell` alone.
+    pub fn new(geometry: G, cell: usize) -> Self {
+        // No mirror, axis or centre of a reasonable domain passes through a point with such coordinates.
+        let base = geometry.base();
+        let axes = geometry.frame(base);
+        let direction = axes[0] * 0.632_455_1 + axes[1] * 0.591_607_9 + axes[2] * 0.5;
+        let velocity = direction / geometry.norm(base, direction);
+        let witness = geometry.flow(Geodesic { point: base, velocity }, 0.012_345_67);
+        let mut elements = Self { geometry, witness, known: HashMap::new(), list: Vec::new() };
+        elements.insert(Element { cell, isometry: Isometry::IDENTITY });
+        elements
+    }
+
+    /// The element behind face `face` of element `index`, and whether it is new.
+    pub fn cross(&mut self, domain: &Domain, index: usize, face: usize) -> (usize, bool) {
+        let passed = &domain.faces[face];
+        let isometry = self.geometry.compose(&passed.pairing, &self.list[index].isometry);
+        self.insert(Element { cell: passed.cell, isometry })
+    }
+
+    fn insert(&mut self, element: Element) -> (usize, bool) {
+        let image = self.geometry.apply(&element.isometry, self.witness).point;
+        // Images of one element differ by rounding, those of two by far more than the grid's width; an image next
+        // to the border of its grid cell is looked up in the neighbouring cell as well.
+        const GRID: f64 = 1e-4;
+        let scaled = image / (GRID * image.abs().max_element().max(1.0));
+        let (low, high) = ((scaled - 0.01).floor().to_array(), (scaled + 0.01).floor().to_array());
+        for corner in 0..16_u32 {
+            let key = std::array::from_fn(|i| if corner & (1 << i) == 0 { low[i] } else { high[i] } as i64);
+            if let Some(&known) = self.known.get(&(element.cell, key)) {
+                return (known, false);
+            }
+        }
+        let index = self.list.len();
+        self.known.insert((element.cell, scaled.floor().to_array().map(|x| x as i64)), index);
+        self.list.push(element);
+        (index, true)
+    }
+}
+
+/// Most elements in a label table.
+pub const MAX_LABELS: usize = 65_536;
+
+/// The automaton that names cells: for each element and each face the element behind it, or [`NONE`] beyond the
+/// elements that `bounces` faces reach or beyond [`MAX_LABELS`]. Elements are numbered in breadth-first order from
+/// the identity 0, so labels are exact however long a ray is: it only walks through a table.
+pub fn label_table<G: Geometry>(geometry: G, domain: &Domain, start: usize, bounces: u32) -> Vec<u32> {
+    let width = domain.faces.len();
+    let mut elements = Elements::new(geometry, start);
+    let mut table = vec![NONE; width];
+    let mut queue = VecDeque::from([(0, 0)]);
+    while let Some((index, depth)) = queue.pop_front() {
+        if depth == bounces {
+            continue;
+        }
+        for face in domain.cells[elements.list[index].cell].clone() {
+            if elements.list.len() >= MAX_LABELS {
+                break;
+            }
+            let (behind, is_new) = elements.cross(domain, index, face);
+            if is_new {
+                queue.push_back((behind, depth + 1));
+                table.resize(table.len() + width, NONE);
+            }
+            table[index * width + face] = behind as u32;
+            // The way back is known at the same time.
+            let partner = domain.faces[face].partner;
+            table[behind * width + partner] = index as u32;
+        }
+    }
+    table
+}

@@ -1,16 +1,19 @@
 //! Spaces: cells with their faces glued in pairs.
 //!
 //! [`catalogue`] computes the named spaces from formulas, [`gluing`] reads them from files, [`polyhedron`] finds
-//! vertices and edges of a cell in the chart, [`reduce`] walks geodesics through the faces and brings states
-//! back into their cell, [`check`] proves that a gluing closes up, [`observer`] moves frames.
+//! vertices and edges of a cell in the chart, [`domain`] lists faces for walking, [`walk`] takes geodesics through
+//! them, [`reduce`] brings points back into their cell, [`deck`] enumerates deck transformations, [`check`] proves
+//! that a gluing closes up, [`observer`] moves frames.
 
 pub mod catalogue;
 pub mod check;
 pub mod deck;
+pub mod domain;
 pub mod gluing;
 pub mod observer;
 pub mod polyhedron;
 pub mod reduce;
+pub mod walk;
 
 use crate::geometry::{GeometryId, Isometry};
 use glam::DVec4;

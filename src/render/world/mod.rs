@@ -4,12 +4,15 @@
 //! cell appears whole because every deck transformation that brings a part of it into the cell contributes its
 //! triangles there. Triangles outside of the cell are dropped, so copies cost no more than the mesh itself.
 
+mod build;
+mod place;
+
 use crate::{
     geometry::GeometryId,
     render::plan::Plan,
     scene::{Material, Settings, Texture},
     shader_io::{Node, TriangleShading},
-    space::FaceId,
+    space::domain::Domain,
 };
 use glam::{DMat4, DVec3, DVec4};
 
@@ -22,9 +25,9 @@ pub struct World {
     pub plan: Plan,
     /// Render settings.
     pub settings: Settings,
-    /// All faces of all cells; cells hold ranges.
-    pub faces: Vec<WorldFace>,
-    /// The cells.
+    /// Faces and their pairings.
+    pub domain: Domain,
+    /// The cells, parallel to [`Domain::cells`].
     pub cells: Vec<WorldCell>,
     /// Bounding volume hierarchies of all cells (boxes in f32, rounded outwards).
     pub nodes: Vec<Node>,
@@ -42,30 +45,11 @@ pub struct World {
     pub textures: Vec<Texture>,
     /// Light images of all cells; cells hold ranges.
     pub lights: Vec<WorldLight>,
-    /// Deck element behind each face, `elements × faces`; empty if the plan has no labels.
-    pub labels: Vec<u32>,
 }
 
-/// A face in the list of all faces.
-#[derive(Clone, Copy, Debug)]
-pub struct WorldFace {
-    /// `(n, d)`, inside `n·c + d ≤ 0`.
-    pub plane: DVec4,
-    /// The pairing.
-    pub pairing: crate::geometry::Isometry,
-    /// Cell behind the face.
-    pub cell: usize,
-    /// Index of the partner in the list of all faces.
-    pub partner: usize,
-    /// Its name in the space.
-    pub id: FaceId,
-}
-
-/// A cell's ranges.
+/// What is in a cell.
 #[derive(Clone, Debug)]
 pub struct WorldCell {
-    /// Into [`World::faces`].
-    pub faces: std::ops::Range<usize>,
     /// Root of the hierarchy in [`World::nodes`], if the cell has anything in it.
     pub root: Option<u32>,
     /// Into [`World::lights`].
@@ -94,6 +78,25 @@ pub struct WorldLight {
     pub color: [f32; 3],
     /// Fades to nothing here.
     pub range: f64,
+    /// Spot: axis at `point` and cosine of half the opening angle.
+    pub spot: Option<(DVec4, f64)>,
     /// Throws shadows.
     pub shadows: bool,
+}
+
+/// Why a scene could not be prepared.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum WorldError {
+    /// An object or a light is so large that its copies fill the space.
+    #[error("{0} reaches into more than {1} cells: make it smaller")]
+    TooManyCopies(String, usize),
+    /// An object's place cannot be brought into the domain.
+    #[error("{0} has no place in the domain: the pairings do not lead back to it")]
+    Lost(String),
+    /// A cell's vertices lie outside of the chart.
+    #[error("{0}: a vertex of the cell lies outside of the chart")]
+    OutsideChart(String),
+    /// A cell is not a bounded polyhedron.
+    #[error(transparent)]
+    Polyhedron(#[from] crate::space::polyhedron::PolyhedronError),
 }

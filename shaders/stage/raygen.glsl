@@ -1,0 +1,52 @@
+// The ray generation stage: a pixel's geodesic, its loop of segments, and what the picture shows of its end.
+//
+// The loop replaces recursion: trace_segment comes back after closest-hit or miss with the path's new state.
+#ifndef RAYGEN_GLSL
+#define RAYGEN_GLSL
+#include "stage/walk.glsl"
+#include "stage/surface.glsl"
+#include "stage/shade.glsl"
+
+// The geodesic through a point of the picture, from the tangents of the eye's (asymmetric) frustum.
+Geodesic raygen_geodesic(vec2 at) {
+    View view = io_view[0];
+    float x = mix(view.tangents.x, view.tangents.y, at.x / float(view.size.x));
+    float y = mix(view.tangents.w, view.tangents.z, at.y / float(view.size.y));
+    vec4 direction = (view.forward + x * view.right + y * view.up) * inversesqrt(1.0 + x * x + y * y);
+    return Geodesic(view.eye, direction);
+}
+
+// What the picture shows: a colour, or a raw value in all three channels.
+vec3 raygen_result(Path path, Surface surface) {
+    bool hit = path.status == PATH_HIT;
+    if (IO_SHADING == IO_SHADING_RIEMANNIAN) return hit ? stage_shade(path, surface) : io_view[0].background;
+    if (IO_SHADING == IO_SHADING_NORMALS) return hit ? 0.5 + 0.5 * normalize(surface.conormal) : vec3(0.0);
+    if (IO_SHADING == IO_SHADING_DISTANCE) return vec3(hit ? path.travelled : M_INFINITY);
+    if (IO_SHADING == IO_SHADING_BOUNCES) return vec3(path.bounces);
+    if (IO_SHADING == IO_SHADING_SEGMENTS) return vec3(path.segments);
+    if (IO_SHADING == IO_SHADING_CELL) return vec3(path.label == IO_NONE ? -1.0 : float(path.label));
+    return vec3(hit ? float(surface.object) : -1.0);
+}
+
+void stage_raygen(uvec2 pixel, vec2 offset) {
+    View view = io_view[0];
+    Geodesic g = raygen_geodesic(vec2(pixel) + offset);
+    float limit = IO_MAX_DISTANCE ? view.max_distance : M_INFINITY;
+    Path path = Path(g.point, g.velocity, 0.0, limit, 0.0, IO_END_LIMIT, view.cell, 0u, 0u, 0u, PATH_FLYING);
+    Surface surface = Surface(vec4(0.0), vec3(0.0), vec3(0.0), vec3(0.0), 0.0, 0.0, IO_NONE);
+    Segment segment;
+    count(IO_COUNT_RAYS);
+    bool first = true;
+    uint limit_of_segments = (view.bounces + 1u) * IO_SEGMENTS_PER_BOUNCE;
+    while (path.status == PATH_FLYING && path.segments < limit_of_segments
+           && stage_segment(path, view.bounces, first, segment)) {
+        count(IO_COUNT_SEGMENTS);
+        trace_segment(path, surface, segment);
+        first = false;
+    }
+    if (path.status == PATH_HIT) count(IO_COUNT_HITS);
+    if (IO_COUNTERS) count_sums[IO_COUNT_BOUNCES] += path.bounces;
+    io_pixels[pixel.y * view.size.x + pixel.x] += vec4(raygen_result(path, surface), 1.0);
+}
+
+#endif

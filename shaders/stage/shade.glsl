@@ -1,0 +1,68 @@
+// Riemannian shading: Lambert and specular light by the metric at the hit, falloff by the area density of the
+// geometry, shadows along geodesics through the faces. Called by the ray generation stage once a path has hit,
+// so that shadow rays are traced from there and no stage ever traces from inside another.
+#ifndef SHADE_GLSL
+#define SHADE_GLSL
+#include "stage/walk.glsl"
+#include "stage/surface.glsl"
+#include "shared/brdf.glsl"
+
+// Whether something stands between a surface point and a light at distance `range` in direction of g.
+bool shade_occluded(Geodesic g, float range, uint cell) {
+    count(IO_COUNT_SHADOW_RAYS);
+    Path path = Path(g.point, g.velocity, 0.0, range, 0.0, IO_END_LIMIT, cell, 0u, 0u, IO_NONE, PATH_FLYING);
+    Segment segment;
+    bool first = true;
+    while (path.status == PATH_FLYING && stage_segment(path, IO_SHADOW_BOUNCES, first, segment)) {
+        count(IO_COUNT_SHADOW_SEGMENTS);
+        trace_shadow_segment(path, segment);
+        first = false;
+    }
+    return path.status == PATH_HIT;
+}
+
+// Light of one image of a point light.
+vec3 shade_light(Light light, Path path, Surface surface, float nv) {
+    float range;
+    vec4 direction = geo_log(path.point, light.point, range);
+    float nl = geo_inner(path.point, surface.normal, direction);
+    if (range >= light.range || nl <= 0.0) return vec3(0.0);
+    if (light.spot_cosine >= -1.0) {
+        float unused;
+        vec4 outward = geo_log(light.point, path.point, unused);
+        if (geo_inner(light.point, light.axis, outward) < light.spot_cosine) return vec3(0.0);
+    }
+    if (IO_SHADOWS && light.shadows != 0u) {
+        // From a point a little above the surface, so that it does not shadow itself.
+        Geodesic above = geo_flow(Geodesic(path.point, surface.normal), IO_SHADOW_OFFSET);
+        float to_light;
+        vec4 towards = geo_log(above.point, light.point, to_light);
+        if (shade_occluded(Geodesic(above.point, towards), to_light, path.cell)) return vec3(0.0);
+    }
+    float share = range / light.range;
+    float window = 1.0 - share * share * share * share;
+    float area = max(geo_area_density(Geodesic(path.point, direction), range), IO_MIN_LIGHT_AREA);
+    float lv = -geo_inner(path.point, path.velocity, direction);
+    return light.color * (window * window / area) * brdf(surface.base_color, surface.metallic, surface.roughness, nl, nv, lv);
+}
+
+// Linear colour of the path's hit.
+vec3 stage_shade(Path path, Surface surface) {
+    float nv = -geo_inner(path.point, path.velocity, surface.normal);
+    vec3 color = surface.emission + io_view[0].ambient * surface.base_color;
+    if (IO_HEADLIGHT && nv > 0.0) {
+        // The ray itself is the geodesic to the viewer's light: nothing can stand in between.
+        float area = max(geo_area_density(Geodesic(path.point, -path.velocity), path.travelled), IO_MIN_LIGHT_AREA);
+        color += io_view[0].headlight / area * brdf(surface.base_color, surface.metallic, surface.roughness, nv, nv, 1.0);
+    }
+    if (IO_LIGHTS) {
+        Cell cell = io_cells[walk_cell(path)];
+        for (uint i = 0u; i < cell.light_count; i++) {
+            color += shade_light(io_light_images[cell.first_light + i], path, surface, nv);
+        }
+    }
+    if (IO_FOG) color = mix(io_view[0].background, color, exp(-io_view[0].fog * path.travelled));
+    return color;
+}
+
+#endif

@@ -1,0 +1,139 @@
+// Walking a geodesic through the cells: segments for traversal, and transport through the faces.
+//
+// A path alternates between two steps. `stage_segment` finds how far the geodesic goes before it leaves the cell
+// (or the chord's tolerance, or its largest length) and gives the straight piece of the chart to traversal; if
+// that meets nothing, the miss stage `stage_transport` moves the state to the segment's end and, at a face,
+// applies the pairing to point and velocity. Nothing here knows the geometry or the backend.
+#ifndef WALK_GLSL
+#define WALK_GLSL
+#include "shared/io.glsl"
+#include "shared/types.glsl"
+#include "shared/math.glsl"
+#include "shared/count.glsl"
+#include "GEOMETRY"
+
+const uint PATH_FLYING = 0u;
+const uint PATH_HIT = 1u;
+const uint PATH_GONE = 2u;
+
+// State of a ray between two segments.
+struct Path {
+    vec4 point;     // where the current segment starts, in the cell's coordinates
+    vec4 velocity;  // unit tangent vector there
+    float travelled; // geodesic length from the source to `point`
+    float limit;    // geodesic length at which the path ends
+    float u_end;    // curve parameter of the segment's end
+    uint end;       // face at the segment's end (index into all faces), IO_END_CHORD or IO_END_LIMIT
+    uint cell;
+    uint bounces;   // faces passed
+    uint segments;  // segments begun
+    uint label;     // deck element of the cell, IO_NONE beyond the table
+    uint status;
+};
+
+// A straight piece of the chart, s in [0, 1].
+struct Segment {
+    vec3 origin;
+    vec3 direction;
+};
+
+Geodesic walk_state(Path path) {
+    return Geodesic(path.point, path.velocity);
+}
+
+uint walk_cell(Path path) {
+    return IO_MULTI_CELL ? path.cell : 0u;
+}
+
+// Takes the path through a face.
+void walk_cross(inout Path path, Geodesic g, uint face) {
+    Geodesic h = geo_restore(geo_apply(Isometry(io_faces[face].linear, io_faces[face].shift), g));
+    path.point = h.point;
+    path.velocity = h.velocity;
+    path.bounces++;
+    if (IO_MULTI_CELL) path.cell = io_faces[face].cell;
+    if (IO_LABELS && path.label != IO_NONE) path.label = io_label_table[path.label * uint(io_faces.length()) + face];
+}
+
+// Finds the end of the segment that starts at the path's state, and brings a state that rounding has left outside
+// of its cell (at an edge or a corner) back first. At most `bounces` faces are passed. False: the path has ended.
+bool stage_segment(inout Path path, uint bounces, bool first, out Segment segment) {
+    float u = M_INFINITY;
+    for (uint attempt = 0u; attempt <= IO_REDUCE_LIMIT; attempt++) {
+        Cell cell = io_cells[walk_cell(path)];
+        Geodesic g = walk_state(path);
+        float worst = IO_ON_FACE;
+        uint violated = IO_END_LIMIT;
+        u = M_INFINITY;
+        path.end = IO_END_LIMIT;
+        for (uint i = 0u; i < cell.face_count; i++) {
+            uint face = cell.first_face + i;
+            vec4 plane = io_faces[face].plane;
+            float side = geo_side(g.point, plane);
+            if (side > worst) {
+                worst = side;
+                violated = face;
+            }
+            float exit_u = geo_exit(g, plane);
+            if (exit_u < u) {
+                u = exit_u;
+                path.end = face;
+            }
+        }
+        if (violated == IO_END_LIMIT) break;
+        if (attempt == IO_REDUCE_LIMIT) {
+            count(IO_COUNT_LOST);
+            path.status = PATH_GONE;
+            return false;
+        }
+        if (path.bounces == bounces) {
+            path.status = PATH_GONE;
+            return false;
+        }
+        walk_cross(path, g, violated);
+    }
+    Geodesic g = walk_state(path);
+    float rest = geo_parameter_at(g, path.limit - path.travelled);
+    if (rest < u) {
+        u = rest;
+        path.end = IO_END_LIMIT;
+    }
+    // A geodesic that meets no face and has no limit ends here: only an unbounded cell lets it.
+    if (isinf(u)) {
+        path.status = PATH_GONE;
+        return false;
+    }
+    float chord = geo_chord(g, u, io_view[0].chord_tolerance * max(path.travelled, 1e-3));
+    if (chord < u) {
+        u = chord;
+        path.end = IO_END_CHORD;
+    }
+    path.u_end = u;
+    path.segments++;
+    segment.origin = geo_chart(g.point);
+    segment.direction = geo_chart(geo_advance(g, u).point) - segment.origin;
+    float slack = IO_OVERLAP * inversesqrt(max(dot(segment.direction, segment.direction), 1e-12));
+    if (!first) segment.origin -= slack * segment.direction;
+    segment.direction *= first ? 1.0 + slack : 1.0 + 2.0 * slack;
+    return true;
+}
+
+// The miss stage: the segment met nothing, so the geodesic moves on to its end and through the face there.
+void stage_transport(inout Path path, uint bounces) {
+    Geodesic g = walk_state(path);
+    path.travelled += geo_length(g, path.u_end);
+    g = geo_advance(g, path.u_end);
+    if (path.end == IO_END_CHORD) {
+        g = geo_restore(g);
+        path.point = g.point;
+        path.velocity = g.velocity;
+    } else if (path.end == IO_END_LIMIT || path.bounces == bounces) {
+        path.point = g.point;
+        path.velocity = g.velocity;
+        path.status = PATH_GONE;
+    } else {
+        walk_cross(path, g, path.end);
+    }
+}
+
+#endif

@@ -1,0 +1,105 @@
+// The seam, compute side: traversal of the hierarchy that the host built. It calls the same stages as the entry
+// points of the ray tracing pipeline do: quadric_hit (intersection), stage_is_hole (any-hit), stage_closest_hit,
+// stage_transport (miss).
+#ifndef COMPUTE_GLSL
+#define COMPUTE_GLSL
+#include "shared/io.glsl"
+#include "stage/walk.glsl"
+#include "stage/triangle.glsl"
+#include "stage/quadric.glsl"
+#include "stage/mask.glsl"
+#include "stage/surface.glsl"
+
+// Entry of a segment into a box, in s; above 1 if it does not enter before `s_end`.
+float box_entry(vec3 lower, vec3 upper, vec3 origin, vec3 reciprocal, float s_end) {
+    vec3 a = (lower - origin) * reciprocal;
+    vec3 b = (upper - origin) * reciprocal;
+    vec3 low = min(a, b);
+    vec3 high = max(a, b);
+    float enter = max(max(low.x, low.y), max(low.z, 0.0));
+    float leave = min(min(high.x, high.y), min(high.z, s_end));
+    return enter <= leave ? enter : NO_HIT;
+}
+
+// Nearest hit at s <= s_end among the primitives of a leaf.
+void leaf_hits(Segment segment, uint first, uint number, inout float s_end, inout uint reference) {
+    for (uint i = first; i < first + number; i++) {
+        uint candidate = io_primitives[i];
+        float s = NO_HIT;
+        if (IO_QUADRICS && (!IO_MESHES || (candidate & IO_QUADRIC_BIT) != 0u)) {
+            count(IO_COUNT_QUADRICS);
+            s = quadric_hit(segment, io_quadric_surfaces[candidate & ~IO_QUADRIC_BIT]);
+        } else if (IO_MESHES) {
+            count(IO_COUNT_TRIANGLES);
+            vec3 hit = triangle_hit(segment, io_triangles[candidate]);
+            s = hit.x;
+            if (IO_ALPHA_MASK && s < s_end && stage_is_hole(candidate, hit.yz)) s = NO_HIT;
+        }
+        if (s < s_end) {
+            s_end = s;
+            reference = candidate;
+        }
+    }
+}
+
+// Walks the hierarchy front to back; returns the primitive hit, or IO_NONE. With `any_hit` the first one found will do.
+uint traverse(Segment segment, uint root, bool any_hit) {
+    uint reference = IO_NONE;
+    if (!(IO_MESHES || IO_QUADRICS) || root == IO_NONE) return reference;
+    // A zero component would make 0 * inf = NaN at a box face; a tiny one behaves as a parallel ray.
+    vec3 direction = mix(segment.direction, vec3(1e-20), lessThan(abs(segment.direction), vec3(1e-20)));
+    vec3 reciprocal = 1.0 / direction;
+    float s_end = 1.0 + 1e-6;
+    uint stack[IO_STACK_SIZE];
+    uint depth = 0u;
+    uint current = root;
+    while (true) {
+        Node node = io_nodes[current];
+        count(IO_COUNT_NODES);
+        float s0 = box_entry(node.lower0, node.upper0, segment.origin, reciprocal, s_end);
+        float s1 = box_entry(node.lower1, node.upper1, segment.origin, reciprocal, s_end);
+        if (s0 != NO_HIT && node.count0 > 0u) {
+            leaf_hits(segment, node.child0, node.count0, s_end, reference);
+            s0 = NO_HIT;
+        }
+        if (s1 <= s_end && node.count1 > 0u) {
+            leaf_hits(segment, node.child1, node.count1, s_end, reference);
+            s1 = NO_HIT;
+        }
+        if (any_hit && reference != IO_NONE) return reference;
+        bool in0 = s0 <= s_end;
+        bool in1 = s1 <= s_end;
+        if (in0 && in1) {
+            bool swapped = s1 < s0;
+            stack[depth++] = swapped ? node.child0 : node.child1;
+            current = swapped ? node.child1 : node.child0;
+        } else if (in0 || in1) {
+            current = in0 ? node.child0 : node.child1;
+        } else if (depth > 0u) {
+            current = stack[--depth];
+        } else {
+            return reference;
+        }
+    }
+}
+
+// Traces one segment of a primary ray: closest-hit or miss follows.
+void trace_segment(inout Path path, inout Surface surface, Segment segment) {
+    uint reference = traverse(segment, io_cells[walk_cell(path)].root, false);
+    if (reference != IO_NONE) {
+        stage_closest_hit(path, surface, segment, reference);
+    } else {
+        stage_transport(path, io_view[0].bounces);
+    }
+}
+
+// Traces one segment of a shadow ray: a hit ends it, a miss transports it.
+void trace_shadow_segment(inout Path path, Segment segment) {
+    if (traverse(segment, io_cells[walk_cell(path)].root, true) != IO_NONE) {
+        path.status = PATH_HIT;
+    } else {
+        stage_transport(path, IO_SHADOW_BOUNCES);
+    }
+}
+
+#endif

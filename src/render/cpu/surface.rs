@@ -1,0 +1,177 @@
+//! Hits and what is there. Twins: `shaders/stage/{triangle,quadric,mask,surface}.glsl`, `shared/sampling.glsl`.
+
+use super::traverse::Tracer;
+use crate::{
+    geometry::Geometry,
+    render::world::{World, WorldQuadric},
+    scene::{Shading, Texture, Wrap},
+    shader_io::{QUADRIC_BIT, TriangleShading},
+    space::walk::{Path, Segment, Status},
+};
+use glam::{DVec2, DVec3, DVec4, Vec2, Vec3};
+
+/// A value of s beyond every segment.
+pub(super) const NO_HIT: f64 = 2.0;
+
+/// What shading needs to know of a hit.
+#[derive(Clone, Copy, Debug)]
+pub struct Surface {
+    /// Unit tangent vector on the side of the viewer; zero unless the shading needs it.
+    pub normal: DVec4,
+    /// Chart conormal on the side of the viewer.
+    pub conormal: DVec3,
+    /// Linear base colour, texture included.
+    pub base_color: DVec3,
+    /// Linear light given off.
+    pub emission: DVec3,
+    /// 0 dielectric, 1 metal.
+    pub metallic: f64,
+    /// Perceptual roughness.
+    pub roughness: f64,
+    /// Index of the scene's object.
+    pub object: u32,
+}
+
+/// s and the weights of the second and third corner, or s = [`NO_HIT`].
+pub(super) fn triangle_hit(segment: Segment, [a, b, c]: [DVec3; 3]) -> (f64, DVec2) {
+    let (a, b, c) = (a - segment.origin, b - segment.origin, c - segment.origin);
+    let wa = segment.direction.dot(b.cross(c));
+    let wb = segment.direction.dot(c.cross(a));
+    let wc = segment.direction.dot(a.cross(b));
+    if wa.min(wb).min(wc) < 0.0 && wa.max(wb).max(wc) > 0.0 {
+        return (NO_HIT, DVec2::ZERO);
+    }
+    let sum = wa + wb + wc;
+    let normal = (b - a).cross(c - a);
+    let rate = normal.dot(segment.direction);
+    if sum == 0.0 || rate == 0.0 {
+        return (NO_HIT, DVec2::ZERO);
+    }
+    let s = normal.dot(a) / rate;
+    if (0.0..=1.0).contains(&s) { (s, DVec2::new(wb / sum, wc / sum)) } else { (NO_HIT, DVec2::ZERO) }
+}
+
+/// Smallest s in [0, 1] at which the segment meets the surface, or [`NO_HIT`]. An eye inside sees the far wall.
+pub(super) fn quadric_hit(segment: Segment, quadric: &WorldQuadric) -> f64 {
+    let x = segment.origin.extend(1.0);
+    let d = segment.direction.extend(0.0);
+    let qd = quadric.form * d;
+    let (a, b, c) = (d.dot(qd), x.dot(qd), x.dot(quadric.form * x));
+    let discriminant = b * b - a * c;
+    if discriminant < 0.0 {
+        return NO_HIT;
+    }
+    // The root that does not cancel, and the other from the product of both.
+    let q = -(b + if b < 0.0 { -1.0 } else { 1.0 } * discriminant.sqrt());
+    let s0 = if q == 0.0 { NO_HIT } else { c / q };
+    let s1 = if a == 0.0 { NO_HIT } else { q / a };
+    let visible = |s: f64| {
+        let at = (segment.origin + segment.direction * s).extend(1.0);
+        (0.0..=1.0).contains(&s) && quadric.clip.iter().all(|clip| clip.dot(at) >= 0.0)
+    };
+    [s0.min(s1), s0.max(s1)].into_iter().find(|s| visible(*s)).unwrap_or(NO_HIT)
+}
+
+/// Whether a triangle has a hole where the segment meets it.
+pub(super) fn is_hole(world: &World, triangle: u32, weights: DVec2) -> bool {
+    let shading = &world.triangle_shading[triangle as usize];
+    let material = &world.materials[shading.material as usize];
+    let Some(cutoff) = material.alpha_cutoff else { return false };
+    let texel = material.base_texture.map_or(1.0, |t| bilinear(&world.textures[t], uv_at(shading, weights)).w);
+    f64::from(material.base_color[3]) * texel < f64::from(cutoff)
+}
+
+fn uv_at(shading: &TriangleShading, weights: DVec2) -> DVec2 {
+    let [a, b, c] = [shading.uv_a, shading.uv_b, shading.uv_c].map(|uv| Vec2::from(uv).as_dvec2());
+    a + (b - a) * weights.x + (c - a) * weights.y
+}
+
+/// Bilinear lookup. Coordinates are taken modulo 64 repeats first, as the shader does.
+fn bilinear(texture: &Texture, uv: DVec2) -> DVec4 {
+    let uv = uv - (uv / 64.0).floor() * 64.0;
+    let at = uv * DVec2::new(f64::from(texture.width), f64::from(texture.height)) - 0.5;
+    let corner = at.floor();
+    let part = at - corner;
+    let (x, y) = (corner.x as i64, corner.y as i64);
+    let texel = |x: i64, y: i64| {
+        let x = wrap(x, i64::from(texture.width), texture.wrap[0]);
+        let y = wrap(y, i64::from(texture.height), texture.wrap[1]);
+        DVec4::from_array(texture.texels[y * texture.width as usize + x].map(f64::from))
+    };
+    let above = texel(x, y).lerp(texel(x + 1, y), part.x);
+    let below = texel(x, y + 1).lerp(texel(x + 1, y + 1), part.x);
+    above.lerp(below, part.y)
+}
+
+fn wrap(i: i64, n: i64, mode: Wrap) -> usize {
+    let wrapped = match mode {
+        Wrap::Clamp => i.clamp(0, n - 1),
+        Wrap::Repeat => i.rem_euclid(n),
+        Wrap::Mirror => {
+            let j = i.rem_euclid(2 * n);
+            if j < n { j } else { 2 * n - 1 - j }
+        }
+    };
+    wrapped as usize
+}
+
+impl<G: Geometry> Tracer<'_, G> {
+    /// Moves the path's state to the hit and reads the surface there.
+    pub(super) fn stage_closest_hit(&self, path: &mut Path, segment: Segment, reference: u32) -> Surface {
+        let (s, conormal, away, material, object, uv) = if reference & QUADRIC_BIT != 0 {
+            let quadric = self.quadric(reference);
+            let s = quadric_hit(segment, quadric);
+            let conormal = (quadric.form * (segment.origin + segment.direction * s).extend(1.0)).truncate();
+            let away = conormal.dot(segment.direction) > 0.0;
+            (s, conormal, away, quadric.material, quadric.object, DVec2::ZERO)
+        } else {
+            let corners = self.world.triangles[reference as usize];
+            let shading = &self.world.triangle_shading[reference as usize];
+            let (s, weights) = triangle_hit(segment, corners);
+            let [a, b, c] =
+                [shading.conormal_a, shading.conormal_b, shading.conormal_c].map(|n| Vec3::from(n).as_dvec3());
+            let conormal = a + (b - a) * weights.x + (c - a) * weights.y;
+            // Which side is seen follows from the plane of the triangle, not from the interpolated normal.
+            let plane = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+            let away = (plane.dot(segment.direction) > 0.0) == (plane.dot(conormal) > 0.0);
+            (s, conormal, away, shading.material, shading.object, uv_at(shading, weights))
+        };
+
+        // The state at the hit, on the geodesic itself.
+        let u = self.geometry.parameter(path.state, segment.origin + segment.direction * s);
+        path.travelled += self.geometry.length(path.state, u);
+        path.state = self.geometry.advance(path.state, u);
+        path.status = Status::Hit;
+
+        let conormal = if away { -conormal } else { conormal };
+        let mut surface = Surface {
+            normal: DVec4::ZERO,
+            conormal,
+            base_color: DVec3::ZERO,
+            emission: DVec3::ZERO,
+            metallic: 0.0,
+            roughness: 0.0,
+            object,
+        };
+        if self.uses.shading != Shading::Riemannian {
+            return surface;
+        }
+        let material = &self.world.materials[material as usize];
+        surface.normal = self.geometry.raise(path.state.point, conormal);
+        surface.base_color = DVec4::from_array(material.base_color.map(f64::from)).truncate();
+        surface.emission = material.emission.map(f64::from).into();
+        surface.metallic = material.metallic.into();
+        surface.roughness = material.roughness.into();
+        if self.uses.textures {
+            if let Some(texture) = material.base_texture {
+                surface.base_color *= bilinear(&self.world.textures[texture], uv).truncate();
+            }
+            if let Some(texture) = material.surface_texture {
+                let texel = bilinear(&self.world.textures[texture], uv);
+                surface.roughness *= texel.y;
+                surface.metallic *= texel.z;
+            }
+        }
+        surface
+    }
+}

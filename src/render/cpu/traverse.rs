@@ -1,0 +1,183 @@
+//! Traversal of the hierarchy. Twin: `shaders/trace/compute.glsl`.
+
+use super::{
+    Counts,
+    surface::{NO_HIT, Surface, is_hole, quadric_hit, triangle_hit},
+};
+use crate::{
+    geometry::Geometry,
+    render::{
+        Shot,
+        plan::Feature,
+        world::{World, WorldQuadric},
+    },
+    scene::Shading,
+    shader_io::{COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, NONE, QUADRIC_BIT, SHADOW_BOUNCES, STACK_SIZE},
+    space::walk::{Path, Segment, Status, stage_transport},
+};
+use glam::{DVec3, Vec3};
+
+/// Everything that tracing reads: the world, the plan's switches, the shot.
+pub struct Tracer<'a, G> {
+    pub(super) geometry: G,
+    pub(super) world: &'a World,
+    pub(super) shot: &'a Shot,
+    pub(super) chord_tolerance: f64,
+    pub(super) uses: Uses,
+}
+
+/// The plan's decisions that matter here, looked up once.
+#[derive(Clone, Copy)]
+pub(super) struct Uses {
+    pub meshes: bool,
+    pub quadrics: bool,
+    pub alpha_mask: bool,
+    pub textures: bool,
+    pub lights: bool,
+    pub shadows: bool,
+    pub headlight: bool,
+    pub fog: bool,
+    pub max_distance: bool,
+    pub counters: bool,
+    pub shading: Shading,
+}
+
+impl<'a, G: Geometry> Tracer<'a, G> {
+    /// A tracer for one picture.
+    pub fn new(geometry: G, world: &'a World, shot: &'a Shot) -> Self {
+        let plan = &world.plan;
+        let uses = Uses {
+            meshes: plan.uses(Feature::Meshes),
+            quadrics: plan.uses(Feature::Quadrics),
+            alpha_mask: plan.uses(Feature::AlphaMask),
+            textures: plan.uses(Feature::Textures),
+            lights: plan.uses(Feature::Lights),
+            shadows: plan.uses(Feature::Shadows),
+            headlight: plan.uses(Feature::Headlight),
+            fog: plan.uses(Feature::Fog),
+            max_distance: plan.uses(Feature::MaxDistance),
+            counters: plan.uses(Feature::Counters),
+            shading: plan.shading,
+        };
+        Self { geometry, world, shot, chord_tolerance: shot.chord_tolerance(world.settings.tolerance), uses }
+    }
+
+    pub(super) fn count(&self, counts: &mut Counts, what: u32) {
+        if self.uses.counters {
+            counts[what as usize] += 1;
+        }
+    }
+
+    /// Traces one segment of a primary ray: closest-hit or miss follows. Returns the surface that was hit.
+    pub fn trace_segment(
+        &self,
+        path: &mut Path,
+        segment: Segment,
+        counts: &mut Counts,
+        crossed: impl FnMut(usize),
+    ) -> Option<Surface> {
+        match self.traverse(segment, self.world.cells[path.cell].root, false, counts) {
+            Some(reference) => Some(self.stage_closest_hit(path, segment, reference)),
+            None => {
+                stage_transport(self.geometry, &self.world.domain, path, self.world.settings.bounces, crossed);
+                None
+            }
+        }
+    }
+
+    /// Traces one segment of a shadow ray: a hit ends it, a miss transports it.
+    pub(super) fn trace_shadow_segment(&self, path: &mut Path, segment: Segment, counts: &mut Counts) {
+        if self.traverse(segment, self.world.cells[path.cell].root, true, counts).is_some() {
+            path.status = Status::Hit;
+        } else {
+            stage_transport(self.geometry, &self.world.domain, path, SHADOW_BOUNCES, |_| ());
+        }
+    }
+
+    /// Nearest hit at s ≤ `s_end` among the primitives of a leaf.
+    fn leaf_hits(
+        &self,
+        segment: Segment,
+        leaf: std::ops::Range<usize>,
+        s_end: &mut f64,
+        hit: &mut Option<u32>,
+        counts: &mut Counts,
+    ) {
+        for &reference in &self.world.primitives[leaf] {
+            let s = if reference & QUADRIC_BIT != 0 {
+                self.count(counts, COUNT_QUADRICS);
+                quadric_hit(segment, self.quadric(reference))
+            } else {
+                self.count(counts, COUNT_TRIANGLES);
+                let (s, weights) = triangle_hit(segment, self.world.triangles[reference as usize]);
+                let hole = self.uses.alpha_mask && s < *s_end && is_hole(self.world, reference, weights);
+                if hole { NO_HIT } else { s }
+            };
+            if s < *s_end {
+                *s_end = s;
+                *hit = Some(reference);
+            }
+        }
+    }
+
+    pub(super) fn quadric(&self, reference: u32) -> &WorldQuadric {
+        &self.world.quadrics[(reference & !QUADRIC_BIT) as usize]
+    }
+
+    /// Walks the hierarchy front to back and returns the primitive hit; with `any_hit` the first one found will do.
+    fn traverse(&self, segment: Segment, root: Option<u32>, any_hit: bool, counts: &mut Counts) -> Option<u32> {
+        let mut hit = None;
+        if !(self.uses.meshes || self.uses.quadrics) {
+            return hit;
+        }
+        let mut current = root?;
+        // A zero component would make 0 · ∞ = NaN at a box face; a tiny one behaves as a parallel ray.
+        let reciprocal = segment.direction.to_array().map(|d| if d.abs() < 1e-20 { 1e20 } else { 1.0 / d }).into();
+        let mut s_end = 1.0 + 1e-12;
+        let mut stack = [0_u32; STACK_SIZE as usize];
+        let mut depth = 0;
+        loop {
+            let node = &self.world.nodes[current as usize];
+            self.count(counts, COUNT_NODES);
+            let mut s0 = box_entry(node.lower0, node.upper0, segment.origin, reciprocal, s_end);
+            let mut s1 = box_entry(node.lower1, node.upper1, segment.origin, reciprocal, s_end);
+            if s0 != NO_HIT && node.count0 > 0 {
+                let first = node.child0 as usize;
+                self.leaf_hits(segment, first..first + node.count0 as usize, &mut s_end, &mut hit, counts);
+                s0 = NO_HIT;
+            }
+            if s1 <= s_end && node.count1 > 0 {
+                let first = node.child1 as usize;
+                self.leaf_hits(segment, first..first + node.count1 as usize, &mut s_end, &mut hit, counts);
+                s1 = NO_HIT;
+            }
+            if any_hit && hit.is_some() {
+                return hit;
+            }
+            match (s0 <= s_end, s1 <= s_end) {
+                (true, true) => {
+                    let (near, far) = if s1 < s0 { (node.child1, node.child0) } else { (node.child0, node.child1) };
+                    stack[depth] = far;
+                    depth += 1;
+                    current = near;
+                }
+                (true, false) => current = node.child0,
+                (false, true) => current = node.child1,
+                (false, false) if depth > 0 => {
+                    depth -= 1;
+                    current = stack[depth];
+                }
+                (false, false) => return hit,
+            }
+        }
+    }
+}
+
+/// Entry of a segment into a box, in s, or [`NO_HIT`] if it does not enter before `s_end`.
+fn box_entry(lower: [f32; 3], upper: [f32; 3], origin: DVec3, reciprocal: DVec3, s_end: f64) -> f64 {
+    let a = (Vec3::from(lower).as_dvec3() - origin) * reciprocal;
+    let b = (Vec3::from(upper).as_dvec3() - origin) * reciprocal;
+    let enter = a.min(b).max_element().max(0.0);
+    let leave = a.max(b).min_element().min(s_end);
+    if enter <= leave { enter } else { NO_HIT }
+}

@@ -1,0 +1,55 @@
+//! The faces of all cells in one list, for walking.
+
+use super::{FaceId, Space};
+use crate::geometry::Isometry;
+use glam::DVec4;
+use std::ops::Range;
+
+/// Faces with their pairings, and where each cell's faces are in the list.
+#[derive(Clone, Debug)]
+pub struct Domain {
+    /// All faces of all cells.
+    pub faces: Vec<DomainFace>,
+    /// Faces of each cell.
+    pub cells: Vec<Range<usize>>,
+    /// Deck element behind each face, `elements × faces` ([`super::deck`]); empty if nobody asks for labels.
+    pub labels: Vec<u32>,
+}
+
+/// A face in the list.
+#[derive(Clone, Copy, Debug)]
+pub struct DomainFace {
+    /// `(n, d)`, inside `n·c + d ≤ 0`.
+    pub plane: DVec4,
+    /// The pairing.
+    pub pairing: Isometry,
+    /// Cell behind the face.
+    pub cell: usize,
+    /// Index of the partner in the list.
+    pub partner: usize,
+    /// Its name in the space.
+    pub id: FaceId,
+}
+
+impl Domain {
+    /// The faces of `space`, without labels.
+    pub fn new(space: &Space) -> Self {
+        let mut cells = Vec::with_capacity(space.cells.len());
+        let mut next = 0;
+        for cell in &space.cells {
+            cells.push(next..next + cell.faces.len());
+            next += cell.faces.len();
+        }
+        let faces = space
+            .faces()
+            .map(|(id, face)| DomainFace {
+                plane: face.plane,
+                pairing: face.pairing,
+                cell: face.partner.cell,
+                partner: cells[face.partner.cell].start + face.partner.face,
+                id,
+            })
+            .collect();
+        Self { faces, cells, labels: Vec::new() }
+    }
+}
