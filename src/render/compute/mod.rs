@@ -162,7 +162,7 @@ impl Backend for ComputeBackend {
         Ok(())
     }
 
-    fn render(&mut self, shot: &Shot, target: &mut Target, progress: &dyn Fn(f64)) -> Result<Stats, RenderError> {
+    fn render(&mut self, shot: &Shot, target: &mut Target, progress: &(dyn Fn(f64) + Sync)) -> Result<Stats, RenderError> {
         let start = Instant::now();
         let [width, height] = shot.size;
         let Some(bands) = Bands::new(shot.size, self.limit() / PIXEL_BYTES) else {
@@ -198,7 +198,7 @@ struct Picture<'a> {
     backend: &'a mut ComputeBackend,
     loaded: &'a mut Loaded,
     shot: &'a Shot,
-    progress: &'a dyn Fn(f64),
+    progress: &'a (dyn Fn(f64) + Sync),
     /// Pixels × samples that are finished.
     done: u64,
     stats: Stats,
@@ -216,13 +216,9 @@ impl Picture<'_> {
                 self.loaded.canvas = Some(canvas);
                 return Err(error);
             }
-            let scale = 1.0 / self.shot.samples.max(1) as f32;
-            let pixels: Vec<[f32; 4]> = canvas.readback.read(width as usize * rows.len())?;
-            if self.shot.samples > 1 {
-                target.pixels.extend(pixels.iter().map(|p| p.map(|x| x * scale)));
-            } else {
-                target.pixels.extend_from_slice(&pixels);
-            }
+            let samples = self.shot.samples.max(1) as f32;
+            let sums: Vec<[f32; 4]> = canvas.readback.read(width as usize * rows.len())?;
+            target.pixels.extend(sums.iter().map(|sum| sum.map(|x| x / samples)));
         }
         self.loaded.canvas = Some(canvas);
         Ok(())

@@ -4,12 +4,16 @@ use crate::{
     geometry::Isometry,
     render::{
         plan::Feature,
-        world::{World, WorldFace},
+        world::World,
     },
     scene::{Material, Wrap},
     shader_io::{self as io, NONE, binding},
+    space::domain::DomainFace,
 };
 use glam::{DVec3, DVec4};
+
+/// Cosine that no angle has, for lights that are not spots.
+const SHINES_EVERYWHERE: f32 = -2.0;
 
 /// The arrays of a world. What its plan leaves out is empty.
 #[derive(Debug, Default)]
@@ -37,15 +41,15 @@ impl Packed {
         let uses = |feature| world.plan.uses(feature);
         let lights = uses(Feature::Lights);
         let mut packed = Self {
-            faces: world.faces.iter().map(face).collect(),
+            faces: world.domain.faces.iter().map(face).collect(),
             nodes: world.nodes.clone(),
             primitives: world.primitives.clone(),
             materials: world.materials.iter().map(material).collect(),
             ..Self::default()
         };
-        packed.cells.extend(world.cells.iter().map(|cell| io::Cell {
-            first_face: cell.faces.start as u32,
-            face_count: cell.faces.len() as u32,
+        packed.cells.extend(world.cells.iter().zip(&world.domain.cells).map(|(cell, faces)| io::Cell {
+            first_face: faces.start as u32,
+            face_count: faces.len() as u32,
             root: cell.root.unwrap_or(NONE),
             first_light: if lights { cell.lights.start as u32 } else { 0 },
             light_count: if lights { cell.lights.len() as u32 } else { 0 },
@@ -89,11 +93,13 @@ impl Packed {
                 point: vec4(light.point),
                 color: light.color,
                 range: light.range as f32,
+                axis: light.spot.map_or([0.0; 4], |(axis, _)| vec4(axis)),
+                spot_cosine: light.spot.map_or(SHINES_EVERYWHERE, |(_, cosine)| cosine as f32),
                 shadows: u32::from(light.shadows),
             }));
         }
         if uses(Feature::Labels) {
-            packed.labels.clone_from(&world.labels);
+            packed.labels.clone_from(&world.domain.labels);
         }
         packed
     }
@@ -118,7 +124,7 @@ impl Packed {
     }
 }
 
-fn face(face: &WorldFace) -> io::Face {
+fn face(face: &DomainFace) -> io::Face {
     io::Face { plane: vec4(face.plane), cell: face.cell as u32, partner: face.partner as u32, ..pairing(&face.pairing) }
 }
 
