@@ -1,5 +1,8 @@
 //! All tests.
 //!
 //! A new test goes into the module whose truth it checks:
-//! - `spaces`: the catalogue, polyhedra and the proof that a gluing closes, against reference data.
+//! - `polyhedra`: corners, edges and outlines of cells.
+//! - `spaces`: the catalogue and the proof that a gluing closes, against reference data.
+
+mod polyhedra;
 mod spaces;

@@ -1,15 +1,39 @@
 //! The named spaces against 30-digit reference data (`tests/data/spaces.json`), and damaged copies of them.
 
-use glam::{DMat4, DVec4};
+use glam::{DMat4, DVec3, DVec4};
 use holonomy::geometry::matrix_from_rows;
 use holonomy::space::catalogue;
 use serde_json::Value;
 
+/// All reference entries.
+fn all_references() -> Vec<Value> {
+    let data: Value = serde_json::from_str(include_str!("../data/spaces.json")).expect("reference data");
+    data["manifolds"].as_array().expect("list").clone()
+}
+
 /// The reference entry of a space.
 fn reference(name: &str) -> Value {
-    let data: Value = serde_json::from_str(include_str!("../data/spaces.json")).expect("reference data");
-    let all = data["manifolds"].as_array().expect("list");
-    all.iter().find(|m| m["name"] == name).expect("reference of the space").clone()
+    all_references().into_iter().find(|m| m["name"] == name).expect("reference of the space")
+}
+
+/// The entries whose cells are polyhedra in a chart with straight geodesics.
+pub fn classical() -> Vec<Value> {
+    let straight = ["e3", "s3", "h3"];
+    all_references().into_iter().filter(|m| straight.iter().any(|g| m["geometry"] == *g)).collect()
+}
+
+/// Face planes of a reference entry.
+pub fn planes(entry: &Value) -> Vec<DVec4> {
+    entry["faces"].as_array().expect("faces").iter().map(|f| vector(&f["plane"])).collect()
+}
+
+/// Corners of a reference entry in the chart.
+pub fn reference_vertices(entry: &Value) -> Vec<DVec3> {
+    let corner = |v: &Value| {
+        let w = if v.as_array().is_some_and(|v| v.len() == 4) { number(&v[3]) } else { 1.0 };
+        DVec3::from_array(std::array::from_fn(|i| number(&v[i]) / w))
+    };
+    entry["vertices"].as_array().expect("vertices").iter().map(corner).collect()
 }
 
 /// A number of the reference data, which is a string with 40 digits.

@@ -1,0 +1,117 @@
+//! A descriptor set of storage buffers.
+
+use super::{Context, VulkanError, memory::Buffer, memory::check_range, shader::ComputePipeline};
+use ash::vk;
+use std::sync::Arc;
+
+/// What is bound to one binding number.
+#[derive(Clone, Debug)]
+pub struct Bound {
+    /// The binding number.
+    pub binding: u32,
+    /// The buffer, which the set keeps alive.
+    pub buffer: Arc<Buffer>,
+    /// Bytes that the shader sees, from the start of the buffer; `.length()` follows from them.
+    pub bytes: u64,
+}
+
+impl Bound {
+    /// The whole buffer.
+    pub fn whole(binding: u32, buffer: &Arc<Buffer>) -> Self {
+        Self { binding, buffer: buffer.clone(), bytes: buffer.size() }
+    }
+}
+
+/// The descriptor set 0 of a pipeline, filled. Keeps its buffers alive.
+pub struct BufferSet {
+    context: Arc<Context>,
+    pool: vk::DescriptorPool,
+    handle: vk::DescriptorSet,
+    _buffers: Vec<Arc<Buffer>>,
+}
+
+impl std::fmt::Debug for BufferSet {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("BufferSet").finish_non_exhaustive()
+    }
+}
+
+impl BufferSet {
+    /// A set for pipelines with the layout of `pipeline`. Bindings that the shader uses must all be named.
+    ///
+    /// # Errors
+    /// Driver failures; [`VulkanError::TooLarge`] beyond the device's largest range.
+    pub fn new(pipeline: &ComputePipeline, bound: &[Bound]) -> Result<Self, VulkanError> {
+        let context = pipeline.context();
+        let name = pipeline.name();
+        let limit = context.info().max_storage_range;
+        for b in bound {
+            check_range(b.buffer.name(), 0, b.bytes, b.buffer.size())?;
+            if b.bytes > limit {
+                let device = context.info().name.clone();
+                return Err(VulkanError::TooLarge {
+                    what: format!("buffer {}", b.buffer.name()),
+                    size: b.bytes,
+                    limit,
+                    device,
+                });
+            }
+        }
+        let sizes = [vk::DescriptorPoolSize {
+            ty: vk::DescriptorType::STORAGE_BUFFER,
+            descriptor_count: crate::shader_io::BINDINGS as u32,
+        }];
+        let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
+        // SAFETY: the context is alive and the structure complete.
+        let pool =
+            context.call("vkCreateDescriptorPool", name, |d| unsafe { d.create_descriptor_pool(&info, None) })?;
+        // From here on `Drop` cleans up.
+        let mut set = Self {
+            context: context.clone(),
+            pool,
+            handle: vk::DescriptorSet::null(),
+            _buffers: bound.iter().map(|b| b.buffer.clone()).collect(),
+        };
+        let layouts = [pipeline.set_layout()];
+        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
+        set.handle = context.call("vkAllocateDescriptorSets", name, |d| {
+            // SAFETY: pool and layout are alive, and the pool is made for one set of this layout.
+            unsafe { d.allocate_descriptor_sets(&info) }.map(|sets| sets.first().copied().unwrap_or_default())
+        })?;
+        let ranges: Vec<_> = bound
+            .iter()
+            .map(|b| [vk::DescriptorBufferInfo::default().buffer(b.buffer.handle()).range(b.bytes.max(4))])
+            .collect();
+        let writes: Vec<_> = bound
+            .iter()
+            .zip(&ranges)
+            .map(|(b, range)| {
+                vk::WriteDescriptorSet::default()
+                    .dst_set(set.handle)
+                    .dst_binding(b.binding)
+                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .buffer_info(range)
+            })
+            .collect();
+        // SAFETY: the set is new, so no submission uses it; ranges lie in their buffers, which the set keeps.
+        unsafe { context.raw().update_descriptor_sets(&writes, &[]) };
+        Ok(set)
+    }
+
+    pub(super) fn context(&self) -> &Arc<Context> {
+        &self.context
+    }
+
+    pub(super) fn handle(&self) -> vk::DescriptorSet {
+        self.handle
+    }
+}
+
+impl Drop for BufferSet {
+    fn drop(&mut self) {
+        if !self.context.is_hung() {
+            // SAFETY: submissions borrow their sets until they are waited for. The pool takes its set along.
+            unsafe { self.context.raw().destroy_descriptor_pool(self.pool, None) };
+        }
+    }
+}
