@@ -7,4 +7,5 @@ pub mod render;
 pub mod scene;
 pub mod shader_io;
 pub mod space;
+pub mod view;
 pub mod vulkan;

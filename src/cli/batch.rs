@@ -17,7 +17,10 @@ const CHUNK: usize = 16_384;
 ///
 /// # Errors
 /// The file cannot be read, or `work` failed as a whole.
-pub fn run(path: &Path, mut work: impl FnMut(Vec<Result<Value, String>>) -> Result<Vec<Result<Value, String>>, Failure>) -> Result<(), Failure> {
+pub fn run(
+    path: &Path,
+    mut work: impl FnMut(Vec<Result<Value, String>>) -> Result<Vec<Result<Value, String>>, Failure>,
+) -> Result<(), Failure> {
     let reader: Box<dyn BufRead> = if path == Path::new("-") {
         Box::new(BufReader::new(stdin()))
     } else {
@@ -31,8 +34,9 @@ pub fn run(path: &Path, mut work: impl FnMut(Vec<Result<Value, String>>) -> Resu
         let line = line.with_context(|| path.display().to_string()).map_err(Failure::Refused)?;
         if !line.trim().is_empty() {
             chunk.push(
-                serde_json::from_str(&line)
-                    .map_err(|error| format!("line {}, column {}: no JSON object: {error}", number + 1, error.column())),
+                serde_json::from_str(&line).map_err(|error| {
+                    format!("line {}, column {}: no JSON object: {error}", number + 1, error.column())
+                }),
             );
         }
         if chunk.len() == CHUNK || (lines.peek().is_none() && !chunk.is_empty()) {

@@ -9,7 +9,7 @@ use crate::{
     geometry::{Geodesic, Geometry, GeometryError, GeometryId, Visitor, settle_geodesic, visit},
     render::compute::probe::Probe,
     shader_io::{PROBE_FLOW, ProbeIn},
-    vulkan::context::Context,
+    vulkan::{Context, ContextOptions},
 };
 use anyhow::anyhow;
 use glam::{DVec4, Vec4};
@@ -122,7 +122,7 @@ impl Engine {
         if !device {
             return Ok(Self::Cpu);
         }
-        let context = Context::new(&Default::default()).map_err(Failure::failed)?;
+        let context = Context::new(&ContextOptions::from_env().map_err(Failure::refused)?).map_err(Failure::failed)?;
         Ok(Self::Device { context, probes: HashMap::new() })
     }
 
@@ -160,7 +160,8 @@ fn flow_on_device(
     probes: &mut HashMap<GeometryId, Probe>,
     jobs: Vec<Result<Job, String>>,
 ) -> Result<Ends, Failure> {
-    let mut ends: Ends = jobs.iter().map(|job| job.as_ref().map(|j| (j.geometry, j.start)).map_err(Clone::clone)).collect();
+    let mut ends: Ends =
+        jobs.iter().map(|job| job.as_ref().map(|j| (j.geometry, j.start)).map_err(Clone::clone)).collect();
     let mut by_geometry: HashMap<GeometryId, Vec<(usize, Job)>> = HashMap::new();
     for (index, job) in jobs.into_iter().enumerate() {
         if let Ok(job) = job {

@@ -16,7 +16,7 @@ use crate::{
     scene::{Scene, file},
     shader_io as io,
     space::{domain::Domain, observer::Frame, reduce::reduce_frame},
-    vulkan::context::Context,
+    vulkan::{Context, ContextOptions},
 };
 use anyhow::anyhow;
 use glam::DVec3;
@@ -57,7 +57,8 @@ pub(super) fn run(args: &RenderArgs) -> Outcome {
     let mut sum = Stats::default();
     let progress = Progress::new();
     for (index, eye) in eyes.iter().enumerate() {
-        let shot = Shot { samples: args.samples, seed: args.seed, ..Shot::symmetric(*eye, scene.observer.fov, args.size) };
+        let shot =
+            Shot { samples: args.samples, seed: args.seed, ..Shot::symmetric(*eye, scene.observer.fov, args.size) };
         let mut view = Target::new(args.size);
         let share = |done: f64| progress.set((index as f64 + done) / eyes.len() as f64);
         let stats = backend.render(&shot, &mut view, &share).map_err(render_failure)?;
@@ -84,7 +85,7 @@ fn backend_for(choice: BackendChoice, plan: &Plan) -> Result<(Box<dyn Backend>, 
         }
         BackendChoice::Cpu => (Box::new(CpuBackend::default()), String::from("backend cpu: asked for")),
         BackendChoice::Compute => {
-            let options = crate::vulkan::options::ContextOptions::from_env().map_err(Failure::failed)?;
+            let options = ContextOptions::from_env().map_err(Failure::failed)?;
             let context = Context::new(&options).map_err(Failure::failed)?;
             let backend = ComputeBackend::new(&context).map_err(Failure::failed)?;
             let reason = format!("backend compute: {} (asked for)", backend.device());
@@ -117,7 +118,8 @@ fn stereo_eyes(scene: &Scene) -> Result<Vec<Frame>, Failure> {
             [-1.0, 1.0].into_iter().map(eye).collect()
         }
     }
-    visit(scene.space.geometry, Eyes(scene)).ok_or_else(|| Failure::refused(anyhow!("an eye has no place in the domain")))
+    visit(scene.space.geometry, Eyes(scene))
+        .ok_or_else(|| Failure::refused(anyhow!("an eye has no place in the domain")))
 }
 
 fn paste(target: &mut Target, view: &Target, left: u32) {

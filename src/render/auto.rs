@@ -3,7 +3,7 @@
 use super::{Backend, Missing, compute::ComputeBackend, cpu::CpuBackend, plan::Plan};
 use crate::vulkan::{
     context::Context,
-    options::ContextOptions,
+    options::{ContextOptions, Validation},
     tier::DeviceKind,
 };
 
@@ -23,13 +23,11 @@ pub struct Chosen {
 /// replaced in silence.
 pub fn choose(plan: &Plan) -> Result<Chosen, crate::vulkan::VulkanError> {
     let options = ContextOptions::from_env()?;
-    let on_cpu = |why: String| Chosen {
-        backend: Box::new(CpuBackend::default()),
-        reason: format!("backend cpu: {why}"),
-    };
+    let on_cpu =
+        |why: String| Chosen { backend: Box::new(CpuBackend::default()), reason: format!("backend cpu: {why}") };
     let context = match Context::new(&options) {
         Ok(context) => context,
-        Err(error) if options.device.is_none() && !options.validation.is_on() => {
+        Err(error) if options.device.is_none() && options.validation == Validation::Off => {
             return Ok(on_cpu(format!("no Vulkan device can be used ({error})")));
         }
         Err(error) => return Err(error),

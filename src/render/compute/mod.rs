@@ -162,7 +162,12 @@ impl Backend for ComputeBackend {
         Ok(())
     }
 
-    fn render(&mut self, shot: &Shot, target: &mut Target, progress: &(dyn Fn(f64) + Sync)) -> Result<Stats, RenderError> {
+    fn render(
+        &mut self,
+        shot: &Shot,
+        target: &mut Target,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Stats, RenderError> {
         let start = Instant::now();
         let [width, height] = shot.size;
         let Some(bands) = Bands::new(shot.size, self.limit() / PIXEL_BYTES) else {
