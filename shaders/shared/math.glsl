@@ -13,9 +13,10 @@ const float M_QUARTER_PI = 0.785398163397448;
 const float M_INFINITY = uintBitsToFloat(0x7f800000u);
 
 // x - k * (A + B + C + D) without rounding in the products: each part of the constant has at most 12 significant
-// bits and k is split into two halves of 12 bits.
+// bits and k is split into two halves of 12 bits, both towards zero: a small negative k must not become a large
+// one minus a large one.
 float m_reduce(float x, float k, vec4 parts) {
-    precise float high = floor(k * (1.0 / 4096.0)) * 4096.0;
+    precise float high = trunc(k * (1.0 / 4096.0)) * 4096.0;
     precise float low = k - high;
     precise float r = x;
     r = r - high * parts.x;

@@ -186,7 +186,7 @@ impl Instance {
         extensions.dedup();
         let names: Vec<_> = extensions.iter().map(|e| e.as_ptr()).collect();
 
-        let messages = Messages::default();
+        let messages = options.messages.clone();
         let application = vk::ApplicationInfo::default()
             .application_name(c"Holonomy")
             .engine_name(c"Holonomy")

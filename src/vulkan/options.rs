@@ -1,6 +1,6 @@
 //! How a context shall be made.
 
-use super::{Tier, VulkanError, fault::FaultInjection};
+use super::{Tier, VulkanError, fault::FaultInjection, instance::Messages};
 use std::{env, ffi::CString};
 
 /// How much the validation layer checks.
@@ -31,6 +31,9 @@ pub struct ContextOptions {
     pub instance_extensions: Vec<CString>,
     /// Further device extensions, for a window.
     pub device_extensions: Vec<CString>,
+    /// Where the validation layer's messages go. Keep a clone to read what is said about a context that could not
+    /// be made, or at its end.
+    pub messages: Messages,
     /// Faults on demand, for tests of error paths.
     #[doc(hidden)]
     pub faults: FaultInjection,

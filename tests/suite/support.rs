@@ -1,0 +1,109 @@
+//! What tests of several modules share: the device, taken by one test at a time, and counted skips.
+
+use holonomy::vulkan::{Context, ContextOptions, Validation, VulkanError};
+use std::{
+    env,
+    io::Write,
+    ops::Deref,
+    sync::{
+        Arc, Mutex, MutexGuard, OnceLock, PoisonError,
+        atomic::{AtomicUsize, Ordering},
+    },
+};
+
+/// Comma list of what must not be skipped: `compute`, `validation`.
+const REQUIRE: &str = "HOLONOMY_REQUIRE";
+
+static TURN: Mutex<()> = Mutex::new(());
+static SKIPPED: AtomicUsize = AtomicUsize::new(0);
+
+/// The device, for as long as this lives. Its end fails the test if the validation layer has complained.
+pub struct Gpu {
+    context: Arc<Context>,
+    /// No other test uses a device meanwhile: software devices take all cores each.
+    _turn: MutexGuard<'static, ()>,
+}
+
+impl Deref for Gpu {
+    type Target = Arc<Context>;
+
+    fn deref(&self) -> &Arc<Context> {
+        &self.context
+    }
+}
+
+impl Drop for Gpu {
+    fn drop(&mut self) {
+        let messages = self.context.messages().take();
+        if !std::thread::panicking() {
+            assert!(messages.is_empty(), "validation: {messages:#?}");
+        }
+    }
+}
+
+/// The device with validation, or none where there is no device: then the test is skipped.
+pub fn gpu() -> Option<Gpu> {
+    static CONTEXT: OnceLock<Result<Arc<Context>, String>> = OnceLock::new();
+    let turn = turn();
+    let context = CONTEXT.get_or_init(|| Context::new(&options()?).map_err(|e| e.to_string()));
+    match context {
+        Ok(context) => Some(Gpu { context: context.clone(), _turn: turn }),
+        Err(reason) => {
+            skip("compute", reason);
+            None
+        }
+    }
+}
+
+/// A turn at the device for a test that opens its own context, and the options for it.
+pub fn gpu_turn() -> Option<(MutexGuard<'static, ()>, ContextOptions)> {
+    gpu()?;
+    options().ok().map(|options| (turn(), options))
+}
+
+fn turn() -> MutexGuard<'static, ()> {
+    TURN.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The device of the environment, with as much validation as there is.
+fn options() -> Result<ContextOptions, String> {
+    let mut options = ContextOptions::from_env().map_err(|e| e.to_string())?;
+    if options.validation == Validation::Off {
+        options.validation = Validation::Sync;
+    }
+    if let Err(error @ VulkanError::NoValidationLayer(_)) = holonomy::vulkan::devices(&options) {
+        skip("validation", &error.to_string());
+        options.validation = Validation::Off;
+    }
+    Ok(options)
+}
+
+/// Says that a test, or a part of one, is skipped, past the harness that hides the output of tests that pass.
+///
+/// # Panics
+/// If the environment requires `what`.
+pub fn skip(what: &str, reason: &str) {
+    let required = env::var(REQUIRE).unwrap_or_default();
+    assert!(!required.split(',').any(|r| r.trim() == what), "{what} is required, but: {reason}");
+    let count = SKIPPED.fetch_add(1, Ordering::Relaxed) + 1;
+    let _ = writeln!(std::io::stderr(), "skipped: {what}: {reason} (skip {count} of this run)");
+}
+
+/// Random numbers in [0, 1), the same in every run: splitmix64.
+pub struct Random(pub u64);
+
+impl Random {
+    /// The next number.
+    pub fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// A number in the range.
+    pub fn within(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.next()
+    }
+}

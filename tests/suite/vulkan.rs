@@ -1,0 +1,395 @@
+//! The Vulkan wrappers, the probe and the compute backend: results, limits, faults, and that validation is silent
+//! where it should be and only there.
+
+use crate::support::{Random, gpu, gpu_turn, skip};
+use ash::vk;
+use glam::{DMat4, DVec3, DVec4, Vec4};
+use holonomy::{
+    geometry::{GEOMETRIES, Geodesic, Geometry, GeometryId, Isometry, Visitor, exponential, visit},
+    render::{
+        Backend, RenderError, Shot, Target,
+        compute::{ComputeBackend, probe::Probe},
+        plan::{Decision, Feature, Plan},
+        world::{World, WorldCell},
+    },
+    scene::{Settings, Shading},
+    shader_io::{self as io, ProbeIn, ProbeOut},
+    space::{domain::Domain, observer::Frame},
+    vulkan::{Context, ContextOptions, Validation, VulkanError, command::SUBMIT_TIME_OUT, fault::FaultInjection},
+};
+use std::sync::{Arc, Mutex};
+
+fn single(v: DVec4) -> [f32; 4] {
+    v.as_vec4().to_array()
+}
+
+fn double(v: [f32; 4]) -> DVec4 {
+    Vec4::from_array(v).as_dvec4()
+}
+
+// --- the probe -----------------------------------------------------------------------------------------
+
+/// Random states of a geometry, a random length up to `longest` for each, and the awkward ones.
+struct Flows {
+    longest: f64,
+    awkward: Vec<f64>,
+}
+
+impl Visitor for Flows {
+    type Output = Vec<ProbeIn>;
+
+    fn visit<G: Geometry>(self, geometry: G) -> Vec<ProbeIn> {
+        let mut random = Random(7);
+        (0..300)
+            .map(|n| {
+                let mut vector = || DVec3::from_array([(); 3].map(|()| random.within(-1.0, 1.0)));
+                let (place, direction) = (vector(), vector().normalize());
+                let base = geometry.base();
+                let frame = geometry.frame(base);
+                let at = |v: DVec3, f: [DVec4; 3]| f[0] * v.x + f[1] * v.y + f[2] * v.z;
+                let point = exponential(geometry, base, at(place, frame));
+                let velocity = at(direction, geometry.frame(point));
+                let length = self.awkward.get(n).copied().unwrap_or_else(|| random.within(-1.0, 1.0) * self.longest);
+                let (a, b) = (single(point), single(velocity));
+                ProbeIn { a, b, c: [0.0; 4], t: length as f32, op: io::PROBE_FLOW }
+            })
+            .collect()
+    }
+}
+
+/// The same in f64, and how far f32 may be off, in roundings of the largest number on the way.
+struct Twin<'a>(&'a [ProbeIn]);
+
+impl Visitor for Twin<'_> {
+    type Output = Vec<(Geodesic, f64)>;
+
+    fn visit<G: Geometry>(self, geometry: G) -> Self::Output {
+        let flow = |q: &ProbeIn| {
+            let start = Geodesic { point: double(q.a), velocity: double(q.b) };
+            let t = f64::from(q.t);
+            let (end, back) = (geometry.flow(start, t), geometry.flow(start, -t));
+            let size = [end.point, end.velocity, back.point, back.velocity].map(|v| v.abs().max_element());
+            (end, size.into_iter().fold(1.0, f64::max))
+        };
+        self.0.iter().map(flow).collect()
+    }
+}
+
+/// Largest error of the results in units of f32 roundings of the flow's own size.
+fn worst_error(inputs: &[ProbeIn], results: &[ProbeOut], geometry: GeometryId) -> f64 {
+    assert_eq!(inputs.len(), results.len());
+    let error = |(result, (end, size)): (&ProbeOut, (Geodesic, f64))| {
+        let difference = (double(result.a) - end.point).abs().max(double(result.b) - end.velocity).abs();
+        assert!(difference.is_finite(), "{result:?} instead of {end:?}");
+        difference.max_element() / (size * f64::from(f32::EPSILON))
+    };
+    results.iter().zip(visit(geometry, Twin(inputs))).map(error).fold(0.0, f64::max)
+}
+
+/// Measured on lavapipe: 0.7 (e3), 1.0 (s3), 1.1 (h3) roundings; the rest is for drivers that order sums otherwise.
+const FLOW_ROUNDINGS: f64 = 3.0;
+
+#[test]
+fn probe_flow_agrees_with_its_twin() {
+    let Some(gpu) = gpu() else { return };
+    for entry in GEOMETRIES {
+        let (longest, awkward) = match entry.id {
+            GeometryId::S3 => (10.0, vec![0.0, -0.0, -1.0, 1e-30, 1e-6, std::f64::consts::PI, 1000.0, -1000.0]),
+            GeometryId::H3 => (10.0, vec![0.0, -0.0, -1.0, 1e-30, 1e-6, 1.0, 50.0, -50.0]),
+            _ => (10.0, vec![0.0, -0.0, -1.0, 1e-30, 1e-6, 1e6]),
+        };
+        let inputs = visit(entry.id, Flows { longest, awkward });
+        let results = Probe::new(&gpu, entry.id).expect("a probe").run(&inputs).expect("results");
+        let worst = worst_error(&inputs, &results, entry.id);
+        assert!(worst < FLOW_ROUNDINGS, "{}: {worst} roundings", entry.name);
+        // The comparison notices a result that is off by little.
+        let mut spoilt = results;
+        spoilt[0].b[1] += 1e-6;
+        assert!(worst_error(&inputs, &spoilt, entry.id) > FLOW_ROUNDINGS, "{}", entry.name);
+    }
+}
+
+#[test]
+fn probe_takes_batches_of_any_size() {
+    let Some(gpu) = gpu() else { return };
+    let mut probe = Probe::new(&gpu, GeometryId::E3).expect("a probe");
+    for count in [0, 1, 63, 64, 65, 300, 1, 65_536 + 5] {
+        let input = |i: usize| ProbeIn { a: [i as f32, 0.0, 0.0, 1.0], op: io::PROBE_CHART, ..ProbeIn::default() };
+        let results = probe.run(&(0..count).map(input).collect::<Vec<_>>()).expect("results");
+        assert_eq!(results.len(), count);
+        assert!(results.iter().enumerate().all(|(i, r)| r.a == [i as f32, 0.0, 0.0, 0.0]), "{count}");
+    }
+}
+
+#[test]
+fn probe_applies_an_isometry() {
+    let Some(gpu) = gpu() else { return };
+    let motion = DMat4::from_rotation_z(0.3) * DMat4::from_translation(DVec3::new(1.0, -2.0, 0.5));
+    let mut probe = Probe::new(&gpu, GeometryId::E3).expect("a probe");
+    let (a, b) = (DVec4::new(0.25, 0.5, -1.0, 1.0), DVec4::X);
+    let input = ProbeIn { a: single(a), b: single(b), op: io::PROBE_APPLY, ..ProbeIn::default() };
+    let same = probe.run(&[input]).expect("results")[0];
+    assert_eq!((same.a, same.b), (input.a, input.b));
+    let mut probe = probe.with_isometry(&Isometry::linear(motion)).expect("an upload");
+    let moved = probe.run(&[input]).expect("results")[0];
+    assert!((double(moved.a) - motion * a).abs().max_element() < 1e-6);
+    assert!((double(moved.b) - motion * b).abs().max_element() < 1e-6);
+}
+
+// --- the backend -----------------------------------------------------------------------------------------
+
+/// Euclidean space with nothing in it, and its background as the picture.
+fn empty_world(count: bool) -> Arc<World> {
+    let decide = |(_, feature): &(_, Feature)| Decision {
+        feature: *feature,
+        needed: count && *feature == Feature::Counters,
+        kept: false,
+        reason: "",
+    };
+    Arc::new(World {
+        geometry: GeometryId::E3,
+        plan: Plan {
+            decisions: Feature::NAMES.iter().map(decide).collect(),
+            shading: Shading::Riemannian,
+            multi_cell: false,
+        },
+        settings: Settings { background: BACKGROUND, ..Settings::default() },
+        domain: Domain { faces: Vec::new(), cells: vec![0..0], labels: Vec::new() },
+        cells: vec![WorldCell { root: None, lights: 0..0 }],
+        nodes: Vec::new(),
+        primitives: Vec::new(),
+        triangles: Vec::new(),
+        triangle_shading: Vec::new(),
+        quadrics: Vec::new(),
+        materials: Vec::new(),
+        textures: Vec::new(),
+        lights: Vec::new(),
+    })
+}
+
+const BACKGROUND: [f32; 3] = [0.25, 0.5, 0.75];
+
+fn shot(size: [u32; 2], samples: u32) -> Shot {
+    let eye = Frame { cell: 0, point: DVec4::W, axes: [DVec4::X, DVec4::Y, DVec4::Z] };
+    Shot { samples, ..Shot::symmetric(eye, 60.0, size) }
+}
+
+fn all_background(target: &Target, size: [u32; 2]) -> bool {
+    let expected = [BACKGROUND[0], BACKGROUND[1], BACKGROUND[2], 1.0];
+    [target.width, target.height] == size
+        && target.pixels.len() == size[0] as usize * size[1] as usize
+        && target.pixels.iter().all(|p| *p == expected)
+}
+
+#[test]
+fn compute_draws_and_counts_each_pixel_once() {
+    let Some(gpu) = gpu() else { return };
+    let before = gpu.memory_in_use();
+    let mut backend = ComputeBackend::new(&gpu).expect("a backend");
+    let mut target = Target::new([1, 1]);
+    let nothing = backend.render(&shot([8, 8], 1), &mut target, &|_| ());
+    assert!(matches!(nothing, Err(RenderError::NothingLoaded)));
+    backend.load(&empty_world(true)).expect("a load");
+    for (size, samples) in [([1, 1], 1), ([37, 91], 1), ([37, 91], 3), ([640, 500], 2), ([37, 91], 1)] {
+        let shares = Mutex::new(Vec::new());
+        let progress = |share| shares.lock().expect("no panic").push(share);
+        let stats = backend.render(&shot(size, samples), &mut target, &progress).expect("a picture");
+        assert!(all_background(&target, size), "{size:?}");
+        let rays = u64::from(size[0]) * u64::from(size[1]) * u64::from(samples);
+        assert_eq!(stats.counts[io::COUNT_RAYS as usize], rays);
+        assert_eq!(stats.counts[io::COUNT_HITS as usize], 0);
+        let shares = shares.into_inner().expect("no panic");
+        assert_eq!(shares.len() as u64, stats.dispatches);
+        assert!(shares.is_sorted() && shares.last() == Some(&1.0), "{shares:?}");
+        assert!(stats.trace_time <= stats.wall_time);
+        assert_eq!(stats.memory, gpu.memory_in_use() - before);
+        assert!(stats.memory >= rays / u64::from(samples) * 16);
+    }
+    drop(backend);
+    assert_eq!(gpu.memory_in_use(), before);
+}
+
+#[test]
+fn compute_counts_nothing_if_nobody_asks() {
+    let Some(gpu) = gpu() else { return };
+    let mut backend = ComputeBackend::new(&gpu).expect("a backend");
+    backend.load(&empty_world(false)).expect("a load");
+    let mut target = Target::new([1, 1]);
+    let stats = backend.render(&shot([64, 64], 1), &mut target, &|_| ()).expect("a picture");
+    assert!(all_background(&target, [64, 64]));
+    assert_eq!(stats.counts, [0; io::COUNT_END as usize]);
+}
+
+#[test]
+fn compute_draws_in_bands_beyond_the_largest_range() {
+    let Some(gpu) = gpu() else { return };
+    let mut backend = ComputeBackend::new(&gpu).expect("a backend");
+    backend.load(&empty_world(true)).expect("a load");
+    let mut target = Target::new([1, 1]);
+    let size = [4096, 4100];
+    let stats = backend.render(&shot(size, 1), &mut target, &|_| ()).expect("a picture");
+    assert!(all_background(&target, size));
+    assert_eq!(stats.counts[io::COUNT_RAYS as usize], 4096 * 4100);
+    assert!(stats.memory < 4096 * 4100 * 32);
+    // A row that does not fit is refused before anything is done.
+    if gpu.info().max_storage_range < 16 << 30 {
+        let refused = backend.render(&shot([1 << 30, 1], 1), &mut target, &|_| ());
+        assert!(matches!(refused, Err(RenderError::TooLarge { what: "a row of pixels", .. })), "{refused:?}");
+    }
+}
+
+#[test]
+fn compute_refuses_what_the_device_cannot_bind() {
+    let Some(gpu) = gpu() else { return };
+    if gpu.info().max_storage_range > 256 << 20 {
+        return skip("largest range", "the device binds more than a test should allocate");
+    }
+    let mut world = Arc::unwrap_or_clone(empty_world(false));
+    world.primitives = vec![0; gpu.info().max_storage_range as usize / 4 + 1];
+    let mut backend = ComputeBackend::new(&gpu).expect("a backend");
+    let before = gpu.memory_in_use();
+    let error = backend.load(&Arc::new(world)).expect_err("too large").to_string();
+    assert!(error.starts_with("primitives takes 134217732 bytes, but llvmpipe"), "{error}");
+    assert_eq!(gpu.memory_in_use(), before);
+}
+
+// --- devices ---------------------------------------------------------------------------------------------
+
+#[test]
+fn device_is_picked_by_index_or_part_of_its_name() {
+    let Some((_turn, options)) = gpu_turn() else { return };
+    let devices = holonomy::vulkan::devices(&options).expect("devices");
+    let first = &devices[0];
+    for wanted in ["0".to_owned(), first.name.to_uppercase(), first.name[..4].to_owned()] {
+        let options = ContextOptions { device: Some(wanted), ..options.clone() };
+        assert_eq!(Context::new(&options).expect("a context").info().name, first.name);
+    }
+    for wanted in ["99", "no such device"] {
+        let options = ContextOptions { device: Some(wanted.to_owned()), ..options.clone() };
+        let error = Context::new(&options).expect_err("no device").to_string();
+        assert!(error.contains(&format!("{wanted:?}")) && error.contains(&format!("0: {}", first.name)), "{error}");
+    }
+}
+
+// --- faults ----------------------------------------------------------------------------------------------
+
+/// Everything that a program does with a device: open it, probe, load, draw twice, close it.
+fn life(options: &ContextOptions) -> Result<(), RenderError> {
+    let result = Context::new(options).map_err(RenderError::from).and_then(|context| {
+        let result = use_of(&context);
+        // Whatever has happened, nothing is left.
+        assert!(context.is_hung() || context.memory_in_use() == 0, "{} bytes left", context.memory_in_use());
+        assert_eq!(Arc::strong_count(&context), 1);
+        result
+    });
+    // The layer reports objects that are left when their device or instance goes, and objects that go too early.
+    assert_eq!(options.messages.take(), [""; 0], "{result:?}");
+    result
+}
+
+fn use_of(context: &Arc<Context>) -> Result<(), RenderError> {
+    let input = ProbeIn { op: io::PROBE_BASE, ..ProbeIn::default() };
+    Probe::new(context, GeometryId::E3)?.run(&[input; 3])?;
+    let mut backend = ComputeBackend::new(context)?;
+    backend.load(&empty_world(true))?;
+    let mut target = Target::new([1, 1]);
+    backend.render(&shot([16, 16], 2), &mut target, &|_| ())?;
+    backend.render(&shot([24, 16], 1), &mut target, &|_| ())?;
+    Ok(())
+}
+
+/// Makes each call of a life fail, one after the other.
+#[test]
+fn faults_end_in_errors_that_name_the_call() {
+    let Some((_turn, options)) = gpu_turn() else { return };
+    let faults = FaultInjection::default();
+    let options = ContextOptions { faults: faults.clone(), ..options };
+    faults.record();
+    life(&options).expect("a life without faults");
+    let calls = faults.calls();
+    assert!(calls.len() > 60, "{calls:?}");
+    for wanted in ["vkAllocateMemory", "vkQueueSubmit", "vkWaitForFences", "vkCreateComputePipelines", "vkCreateDevice"] {
+        assert!(calls.contains(&wanted), "{wanted}");
+    }
+    for (index, call) in calls.iter().enumerate() {
+        let result = match *call {
+            "vkQueueSubmit" | "vkWaitForFences" => vk::Result::ERROR_DEVICE_LOST,
+            _ if index % 2 == 0 => vk::Result::ERROR_OUT_OF_DEVICE_MEMORY,
+            _ => vk::Result::ERROR_OUT_OF_HOST_MEMORY,
+        };
+        faults.fail("", index, result);
+        let error = life(&options).expect_err(call).to_string();
+        assert!(error.starts_with(call) && error.contains(&format!("{result:?}")), "{call}: {error}");
+    }
+}
+
+#[test]
+fn faults_out_of_memory_names_buffer_and_size() {
+    let Some((_turn, options)) = gpu_turn() else { return };
+    let faults = FaultInjection::default();
+    let context = Context::new(&ContextOptions { faults: faults.clone(), ..options }).expect("a context");
+    let mut backend = ComputeBackend::new(&context).expect("a backend");
+    backend.load(&empty_world(false)).expect("a load");
+    let mut target = Target::new([1, 1]);
+    faults.fail("vkAllocateMemory", 0, vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
+    let error = backend.render(&shot([100, 10], 1), &mut target, &|_| ()).expect_err("a fault").to_string();
+    assert!(error.starts_with("vkAllocateMemory for buffer pixels (16000 bytes, "), "{error}");
+    // Memory came back: the same backend goes on.
+    backend.render(&shot([100, 10], 1), &mut target, &|_| ()).expect("a picture");
+    assert!(all_background(&target, [100, 10]));
+    drop(backend);
+    let messages = context.messages();
+    drop(context);
+    assert_eq!(messages.take(), [""; 0]);
+}
+
+#[test]
+fn faults_time_out_hangs_the_context_and_nothing_else() {
+    let Some((_turn, options)) = gpu_turn() else { return };
+    let faults = FaultInjection::default();
+    let context = Context::new(&ContextOptions { faults: faults.clone(), ..options.clone() }).expect("a context");
+    let mut backend = ComputeBackend::new(&context).expect("a backend");
+    backend.load(&empty_world(false)).expect("a load");
+    let mut target = Target::new([1, 1]);
+    faults.fail("vkWaitForFences", 2, vk::Result::TIMEOUT);
+    let mut draw = |backend: &mut ComputeBackend| backend.render(&shot([64, 64], 1), &mut target, &|_| ());
+    let error = draw(&mut backend).expect_err("a fault").to_string();
+    assert!(error.contains(&format!("did not finish within {SUBMIT_TIME_OUT:?}")), "{error}");
+    let error = draw(&mut backend).expect_err("hung").to_string();
+    assert!(error.contains("hangs in an earlier submission"), "{error}");
+    drop(backend);
+    let messages = context.messages();
+    drop(context);
+    assert_eq!(messages.take(), [""; 0]);
+    // Another context of the same device works.
+    life(&options).expect("a life");
+}
+
+// --- validation of the validation --------------------------------------------------------------------------
+
+#[test]
+fn validation_sees_a_missing_barrier() {
+    let Some((_turn, options)) = gpu_turn() else { return };
+    if options.validation != Validation::Sync {
+        return skip("validation", "synchronization validation is off");
+    }
+    let faults = FaultInjection::default();
+    let context = Context::new(&ContextOptions { faults: faults.clone(), ..options }).expect("a context");
+    let mut backend = ComputeBackend::new(&context).expect("a backend");
+    backend.load(&empty_world(true)).expect("a load");
+    let mut target = Target::new([1, 1]);
+    backend.render(&shot([64, 64], 1), &mut target, &|_| ()).expect("a picture");
+    assert_eq!(context.validation_messages(), [""; 0]);
+    faults.omit_barriers(true);
+    backend.render(&shot([64, 64], 1), &mut target, &|_| ()).expect("a picture");
+    let messages = context.validation_messages();
+    assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "{messages:?}");
+}
+
+#[test]
+fn errors_name_the_thing_and_the_limits() {
+    let error = VulkanError::Memory { what: "buffer pixels".to_owned(), size: 5, in_use: 7, cause: "none".to_owned() };
+    assert_eq!(error.to_string(), "vkAllocateMemory for buffer pixels (5 bytes, 7 bytes in use): none");
+    let error = VulkanError::UnknownDevice { wanted: "x".to_owned(), devices: Vec::new() };
+    assert_eq!(error.to_string(), "no Vulkan device is called \"x\"; there is none");
+}
