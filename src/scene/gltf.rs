@@ -15,6 +15,8 @@ use super::{
     Material, Mesh, Texture, Vertex, Wrap,
     accessor::{self, Elements, Use},
     folder::Folder,
+    glb, normals,
+    reader::one_line,
     texture::{Encoding, decode, texels},
 };
 use glam::{DMat3, DMat4, DQuat, DVec3};
@@ -63,10 +65,9 @@ pub struct Loaded {
 /// # Errors
 /// [`GltfError`] with file and JSON path, for anything from a missing file to a number that is not finite.
 pub fn read(folder: &Folder, file: &str, materials: usize, textures: &[Texture]) -> Result<Loaded, GltfError> {
-    let bytes = folder.read(file).map_err(|e| GltfError {
-        file: file.to_owned(),
-        place: String::new(),
-        message: e.to_string().strip_prefix(&format!("{file}: ")).map_or_else(|| e.to_string(), str::to_owned),
+    let bytes = folder.read(file).map_err(|e| {
+        let message = e.to_string();
+        error(file, "", message.strip_prefix(&format!("{file}: ")).unwrap_or(&message))
     })?;
     parse(folder, file, &bytes, materials, textures)
 }
@@ -117,13 +118,13 @@ impl Opened<'_> {
     }
 }
 
-fn error(file: &str, place: impl Into<String>, message: impl Into<String>) -> GltfError {
-    GltfError { file: file.to_owned(), place: place.into(), message: message.into() }
+pub(super) fn error(file: &str, place: impl Into<String>, message: impl Into<String>) -> GltfError {
+    GltfError { file: one_line(file), place: one_line(&place.into()), message: one_line(&message.into()) }
 }
 
 /// Splits a GLB, parses the JSON and checks all references in it.
 fn open<'a>(file: &str, bytes: &'a [u8]) -> Result<(json::Root, Option<&'a [u8]>), GltfError> {
-    let (text, blob) = if bytes.starts_with(b"glTF") { split_glb(file, bytes)? } else { (bytes, None) };
+    let (text, blob) = if bytes.starts_with(b"glTF") { glb::split(file, bytes)? } else { (bytes, None) };
     let root = json::Root::from_slice(text).map_err(|e| error(file, "", format!("JSON: {e}")))?;
     // The validation below follows these without a look.
     for (m, mesh) in root.meshes.iter().enumerate() {
@@ -143,53 +144,6 @@ fn open<'a>(file: &str, bytes: &'a [u8]) -> Result<(json::Root, Option<&'a [u8]>
         Some(problem) => Err(problem),
         None => Ok((root, blob)),
     }
-}
-
-/// JSON and BIN chunk of a GLB.
-fn split_glb<'a>(file: &str, bytes: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]>), GltfError> {
-    let fail = |message: String| error(file, "", message);
-    let word = |at: usize| -> Option<u32> { Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?)) };
-    let truncated = || fail(format!("truncated GLB: the file ends after {} bytes, inside a header", bytes.len()));
-    let (version, length) = word(4).zip(word(8)).ok_or_else(truncated)?;
-    if version != 2 {
-        return Err(fail(format!("GLB version {version}, expected 2")));
-    }
-    if length as usize > bytes.len() {
-        return Err(fail(format!("truncated GLB: {length} bytes are declared, {} are there", bytes.len())));
-    }
-    let mut chunks = Vec::new();
-    let mut at = 12;
-    // The first chunk is JSON, the second BIN or absent; later ones belong to extensions.
-    for kind in [b"JSON", b"BIN\0"] {
-        if at >= length as usize && !chunks.is_empty() {
-            break;
-        }
-        let size = word(at).ok_or_else(truncated)? as usize;
-        let name = bytes.get(at + 4..at + 8).ok_or_else(truncated)?;
-        let chunk = bytes.get(at + 8..).filter(|rest| size <= rest.len()).map(|rest| &rest[..size]);
-        let there = bytes.len().saturating_sub(at + 8);
-        if name != kind {
-            return Err(fail(format!(
-                "the chunk at byte {at} is {:?}, expected {:?}",
-                printable(name),
-                printable(kind)
-            )));
-        }
-        let chunk = chunk.ok_or_else(|| {
-            fail(format!("truncated GLB: chunk {:?} has {size} bytes, {there} are there", printable(name)))
-        })?;
-        chunks.push(chunk);
-        at += 8 + size;
-    }
-    match chunks[..] {
-        [json] => Ok((json, None)),
-        [json, blob] => Ok((json, Some(blob))),
-        _ => Err(truncated()),
-    }
-}
-
-fn printable(name: &[u8]) -> String {
-    name.iter().filter(|b| b.is_ascii_graphic()).map(|b| char::from(*b)).collect()
 }
 
 const FLOATS: &[ComponentType] = &[ComponentType::F32];
@@ -253,7 +207,7 @@ impl Reader<'_> {
         let translation = node.translation.map_or(DVec3::ZERO, |t| DVec3::from(t.map(f64::from)));
         let rotation = node.rotation.map_or(DQuat::IDENTITY, |q| DQuat::from_array(q.0.map(f64::from)));
         let length = rotation.length();
-        if !((length - 1.0).abs() < 1e-3) {
+        if length.is_nan() || (length - 1.0).abs() > 1e-3 {
             let message = format!("a quaternion of length {length}, expected 1");
             return Err(self.opened.error(format!("{place}.rotation"), message));
         }
@@ -279,7 +233,7 @@ impl Reader<'_> {
         }
 
         let mut vertices = corners.vertices;
-        let cofactors = cofactors(DMat3::from_mat4(world_from_node));
+        let cofactors = normals::cofactors(DMat3::from_mat4(world_from_node));
         for (i, vertex) in vertices.iter_mut().enumerate() {
             vertex.position = world_from_node.transform_point3(vertex.position);
             vertex.normal = (cofactors * vertex.normal).normalize_or_zero();
@@ -288,10 +242,10 @@ impl Reader<'_> {
             }
         }
         if corners.has_normals {
-            mend_normals(&mut vertices, &triangles);
+            normals::mend(&mut vertices, &triangles);
         } else {
             self.check_room(&place, 3 * triangles.len(), triangles.len())?;
-            (vertices, triangles) = flat(&vertices, &triangles);
+            (vertices, triangles) = normals::flat(&vertices, &triangles);
         }
 
         let material = self.material(self.opened.root.meshes[mesh].primitives[index].material.map(|m| m.value()))?;
@@ -475,45 +429,4 @@ fn wrap(mode: &Checked<WrappingMode>) -> Wrap {
         Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::Mirror,
         _ => Wrap::Repeat,
     }
-}
-
-/// The inverse transpose up to a positive factor, which exists for singular matrices too: it takes normals along.
-fn cofactors(m: DMat3) -> DMat3 {
-    let cofactors = DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
-    if m.determinant() < 0.0 { cofactors * -1.0 } else { cofactors }
-}
-
-/// Twice the area of a triangle times its normal.
-fn area_normal(vertices: &[Vertex], triangle: &[u32; 3]) -> DVec3 {
-    let [a, b, c] = triangle.map(|corner| vertices[corner as usize].position);
-    (b - a).cross(c - a)
-}
-
-/// Gives vertices whose normal is zero the mean of their triangles' normals, by area.
-fn mend_normals(vertices: &mut [Vertex], triangles: &[[u32; 3]]) {
-    let broken: Vec<bool> = vertices.iter().map(|vertex| vertex.normal == DVec3::ZERO).collect();
-    if !broken.contains(&true) {
-        return;
-    }
-    for triangle in triangles {
-        let normal = area_normal(vertices, triangle);
-        for corner in triangle.map(|corner| corner as usize).into_iter().filter(|corner| broken[*corner]) {
-            vertices[corner].normal += normal;
-        }
-    }
-    for (vertex, _) in vertices.iter_mut().zip(broken).filter(|(_, broken)| *broken) {
-        vertex.normal = vertex.normal.try_normalize().unwrap_or(DVec3::Z);
-    }
-}
-
-/// Triangles with corners of their own and flat normals; those without an area are left out.
-fn flat(vertices: &[Vertex], triangles: &[[u32; 3]]) -> (Vec<Vertex>, Vec<[u32; 3]>) {
-    let mut own = Vec::new();
-    for triangle in triangles {
-        if let Some(normal) = area_normal(vertices, triangle).try_normalize() {
-            own.extend(triangle.map(|corner| Vertex { normal, ..vertices[corner as usize] }));
-        }
-    }
-    let triangles = (0..own.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-    (own, triangles)
 }

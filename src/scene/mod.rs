@@ -7,7 +7,9 @@
 mod accessor;
 pub mod file;
 pub mod folder;
+mod glb;
 pub mod gltf;
+mod normals;
 mod objects;
 mod places;
 mod reader;

@@ -92,7 +92,7 @@ impl Local {
         let axes = DMat3::from_cols_array_2d(&columns.map(|c| c.to_array()));
         let gram = axes.transpose() * axes - DMat3::IDENTITY;
         residual = gram.to_cols_array().iter().fold(residual, |r, x| r.max(x.abs()));
-        if !(residual <= FRAME_TOLERANCE) {
+        if residual.is_nan() || residual > FRAME_TOLERANCE {
             return Err(value.error(format!(
                 "the frame is not orthonormal: residual {residual:.3e}, at most {FRAME_TOLERANCE:e} is accepted"
             )));

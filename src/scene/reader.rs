@@ -43,7 +43,7 @@ impl SceneError {
 }
 
 /// Names and messages from outside may hold line breaks and control sequences; messages are one plain line.
-fn one_line(text: &str) -> String {
+pub(super) fn one_line(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 

@@ -1,7 +1,7 @@
 //! Shapes of the cells, and what pairings do to faces and corners.
 
 use super::{CheckError, TOLERANCE, deviation, image, keeps_orientation, largest, within};
-use crate::geometry::{Geometry, Isometry, plane_side};
+use crate::geometry::{Geometry, Isometry};
 use crate::space::polyhedron::Polyhedron;
 use crate::space::{FaceId, Space};
 
@@ -91,7 +91,7 @@ pub(super) fn corner_images<G: Geometry>(
             return Err(not_onto(f64::INFINITY));
         }
         let centre = geometry.unchart(own.centroid).map(|p| image(geometry, &face.pairing, p));
-        if !centre.is_some_and(|c| plane_side(space.face(face.partner).plane, c) > 0.0) {
+        if !centre.is_some_and(|c| geometry.side(c, space.face(face.partner).plane) > 0.0) {
             return Err(CheckError::WrongSide { face: id, partner: face.partner });
         }
         images[id.cell][id.face] = found;
