@@ -1,7 +1,7 @@
 //! Scenes: what is in a space and how it is looked at. No Vulkan here, and no geometry's name: a scene holds
 //! points and frames in the coordinates of whatever geometry its space has.
 //!
-//! [`file`] reads the TOML format with line and column in every message, [`gltf`] reads meshes, [`shipped`] holds
+//! [`mod@file`] reads the TOML format with line and column in every message, [`gltf`] reads meshes, [`shipped`] holds
 //! the scenes that come with the program, [`folder`] keeps scenes from reading files that are none of their business.
 
 mod accessor;

@@ -85,15 +85,30 @@ fn syntax_errors_have_a_place() {
 #[test]
 fn columns_count_characters() {
     assert_eq!(
-        refuse("[[material]]\nname = \"é\"\ncolor = [0, 0, 2]\n"),
-        "my.toml:5:16: color[2]: 2 is out of range: 0 to 1"
+        refuse_whole("material = [{ name = \"éé\", colr = 1 }]\n"),
+        "my.toml: the table [space] is missing",
+        "the space goes first"
     );
     assert_eq!(
-        refuse("observer = { \"é\" = 1 }\n").split(": ").next(),
-        Some("my.toml:3:1"),
-        "a key of [space], which is open on line 3"
+        refuse_whole(&format!("material = [{{ name = \"éé\", colr = 1 }}]\n{TORUS}")),
+        "my.toml:1:28: unknown key \"colr\" in [[material]]: did you mean \"color\"?"
     );
     assert!(refuse("[observer]\n\"é\" = 1\n").starts_with("my.toml:4:1: unknown key \"é\" in [observer]: "));
+}
+
+#[test]
+fn deep_nesting_is_refused() {
+    for text in [
+        format!("a = {}", "[".repeat(100_000)),
+        format!("a = {}", "{a=".repeat(100_000)),
+        format!("{}a = 1", "a.".repeat(100_000)),
+        format!("[{}a]", "a.".repeat(100_000)),
+        format!("[[{}a]]", "a.".repeat(100_000)),
+        format!("[observer]\n{}a = 1", "a.".repeat(100_000)),
+    ] {
+        let message = refuse(&text);
+        assert!(message.starts_with("my.toml:") && message.lines().count() == 1 && message.len() < 500, "{message}");
+    }
 }
 
 #[test]
