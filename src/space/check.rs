@@ -165,7 +165,7 @@ fn check_in<G: Geometry>(geometry: G, space: &Space) -> Result<Report, CheckErro
 }
 
 /// Image of a point.
-fn image<G: Geometry>(geometry: G, m: &Isometry, p: DVec4) -> DVec4 {
+pub(super) fn image<G: Geometry>(geometry: G, m: &Isometry, p: DVec4) -> DVec4 {
     geometry.apply(m, Geodesic { point: p, velocity: geometry.frame(p)[0] }).point
 }
 
@@ -196,6 +196,6 @@ fn keeps_orientation<G: Geometry>(geometry: G, m: &Isometry) -> bool {
 }
 
 /// Whether a residual is small enough; one that is not a number never is.
-fn within(residual: f64, limit: f64) -> bool {
+pub(super) fn within(residual: f64, limit: f64) -> bool {
     residual <= limit
 }
