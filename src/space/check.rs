@@ -7,8 +7,8 @@
 //! characteristic and the first homology; the volume is a quadrature of the metric's density.
 //!
 //! Gluings here are face to face. Where a face is glued to several others, as in the usual domains of the
-//! geometries with sheared lattices, only [`faces::pairings`] applies, and faces must be split along the images
-//! of edges before [`faces::corner_images`] and [`cycles`] have a meaning.
+//! geometries with sheared lattices, only `faces::pairings` applies, and faces must be split along the images
+//! of edges before `faces::corner_images` and `cycles` have a meaning.
 
 mod cycles;
 mod error;

@@ -11,7 +11,7 @@
 //! A plane `[a, b, c, d]` is ax + by + cz + d ≤ 0 inside, in the chart and of any scale; a matrix acts on columns
 //! and takes what lies beyond its face into the partner's cell; `"shift"`, four numbers, is for the isometries
 //! that need it. The other form, `{"geometry": "e3", "generators": [[[…], …], …]}`, lists isometries; the cell is
-//! the Dirichlet domain of the base point under the group that they generate ([`dirichlet`]).
+//! the Dirichlet domain of the base point under the group that they generate (module `dirichlet`).
 //!
 //! Either way the gluing is checked before it is handed out.
 

@@ -68,7 +68,7 @@ fn gluing_pairings_generate_the_space_again() {
 
 #[test]
 fn gluing_few_generators_suffice() {
-    // Two adjacent pairings of the Poincaré space generate all of its group, and three those of Seifert–Weber.
+    // A few pairings generate the group, or a subgroup of finite index whose domain is a whole number of cells.
     for (name, faces) in [("poincare", vec![0, 1]), ("seifert-weber", vec![0, 1, 2, 5])] {
         let space = catalogue::find(name).expect("space");
         let matrices: Vec<DMat4> = faces.iter().map(|&f: &usize| space.cells[0].faces[f].pairing.linear).collect();
