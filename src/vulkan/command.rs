@@ -23,6 +23,9 @@ use std::{
 /// take minutes for the first tile of a deep picture – or for a driver that hangs for good.
 pub const SUBMIT_TIME_OUT: Duration = Duration::from_secs(600);
 
+/// Most bytes that Vulkan carries inside of commands.
+pub const INLINE_BYTES: u64 = 65536;
+
 /// What a submission took.
 #[derive(Clone, Copy, Debug)]
 pub struct Elapsed {
@@ -281,7 +284,22 @@ impl<'a> Recorder<'a> {
     pub fn clear(&mut self, buffer: &'a Buffer) -> Result<(), VulkanError> {
         self.own(buffer.context(), buffer.name())?;
         // SAFETY: the buffer lives for 'a and its size is a multiple of 4.
-        unsafe { self.context.raw().cmd_fill_buffer(self.commands, buffer.handle(), 0, vk::WHOLE_SIZE, 0) };
+        unsafe { self.context.raw().cmd_fill_buffer(self.commands, buffer.raw(), 0, vk::WHOLE_SIZE, 0) };
+        Ok(())
+    }
+
+    /// Writes a few bytes, which travel with the commands, to the start of a buffer.
+    ///
+    /// # Errors
+    /// [`VulkanError::OutOfBounds`] for more bytes than the buffer has or than [`INLINE_BYTES`]; a buffer of
+    /// another context.
+    pub fn write<T: Pod>(&mut self, buffer: &'a Buffer, value: &T) -> Result<(), VulkanError> {
+        const { assert!(size_of::<T>().is_multiple_of(4) && size_of::<T>() > 0, "written in words") };
+        self.own(buffer.context(), buffer.name())?;
+        let bytes = bytemuck::bytes_of(value);
+        check_range(buffer.name(), 0, bytes.len() as u64, buffer.size().min(INLINE_BYTES))?;
+        // SAFETY: the buffer lives for 'a, and size and range are as the call wants them.
+        unsafe { self.context.raw().cmd_update_buffer(self.commands, buffer.raw(), 0, bytes) };
         Ok(())
     }
 
@@ -296,7 +314,7 @@ impl<'a> Recorder<'a> {
         check_range(to.name(), offset, bytes, to.size())?;
         // Earlier submissions may have used the destination.
         self.barrier(&[Access::Compute, Access::Transfer], &[Access::Transfer]);
-        self.copy(from.handle(), to.handle(), offset, bytes);
+        self.copy(from.raw(), to.raw(), offset, bytes);
         self.barrier(&[Access::Transfer], &[Access::Compute, Access::Transfer]);
         Ok(())
     }
@@ -311,7 +329,7 @@ impl<'a> Recorder<'a> {
         check_range(from.name(), 0, bytes, from.size())?;
         check_range(to.name(), 0, bytes, to.size())?;
         self.barrier(&[Access::Compute, Access::Transfer], &[Access::Transfer]);
-        self.copy(from.handle(), to.handle(), 0, bytes);
+        self.copy(from.raw(), to.raw(), 0, bytes);
         self.barrier(&[Access::Transfer], &[Access::Host]);
         Ok(())
     }
@@ -335,27 +353,32 @@ impl<'a> Recorder<'a> {
         push: Option<&P>,
         groups: [u32; 2],
     ) -> Result<(), VulkanError> {
-        self.own(pipeline.context(), pipeline.name())?;
+        let layout = pipeline.layout();
+        self.own(layout.context(), pipeline.name())?;
         self.own(set.context(), pipeline.name())?;
         let push = push.map_or(&[][..], bytemuck::bytes_of);
-        check_range("push constants", 0, push.len() as u64, u64::from(pipeline.push_bytes()))?;
+        check_range("push constants", 0, push.len() as u64, u64::from(layout.push_bytes()))?;
         for (groups, limit) in groups.iter().zip(self.context.info().max_workgroups) {
             check_range("workgroups", 0, u64::from(*groups), u64::from(limit))?;
         }
         let device = self.context.raw();
-        // SAFETY: pipeline and set live for 'a, the set's buffers as long as the set; sets of all pipelines
-        // have the same layout; the push constants fit.
+        // SAFETY: pipeline and set live for 'a, the set's buffers as long as the set; all layouts of a stage have
+        // the same bindings; the push constants fit.
         unsafe {
-            device.cmd_bind_pipeline(self.commands, vk::PipelineBindPoint::COMPUTE, pipeline.handle());
-            let layout = pipeline.layout();
+            device.cmd_bind_pipeline(self.commands, vk::PipelineBindPoint::COMPUTE, pipeline.raw());
             let sets = [set.handle()];
-            device.cmd_bind_descriptor_sets(self.commands, vk::PipelineBindPoint::COMPUTE, layout, 0, &sets, &[]);
+            device.cmd_bind_descriptor_sets(self.commands, vk::PipelineBindPoint::COMPUTE, layout.raw(), 0, &sets, &[]);
             if !push.is_empty() {
-                device.cmd_push_constants(self.commands, layout, vk::ShaderStageFlags::COMPUTE, 0, push);
+                device.cmd_push_constants(self.commands, layout.raw(), layout.stages(), 0, push);
             }
             device.cmd_dispatch(self.commands, groups[0].max(1), groups[1].max(1), 1);
         }
         Ok(())
+    }
+
+    /// The command buffer, for commands that have no wrapper.
+    pub fn raw(&self) -> vk::CommandBuffer {
+        self.commands
     }
 
     /// Handles of one device mean nothing to another.

@@ -220,7 +220,7 @@ impl Context {
     }
 
     /// A call of the device's functions, with its name for errors and faults.
-    pub(super) fn call<T>(
+    pub(crate) fn call<T>(
         &self,
         call: &'static str,
         what: &str,
@@ -240,7 +240,7 @@ impl Context {
     }
 
     /// Gives an object a name for debuggers and validation messages.
-    pub(super) fn name_object<H: vk::Handle>(&self, handle: H, name: &str) {
+    pub(crate) fn name_object<H: vk::Handle>(&self, handle: H, name: &str) {
         let (Some(functions), Ok(name)) = (&self.debug_names, CString::new(name)) else { return };
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
         // SAFETY: the extension is enabled and the handle belongs to this device. A name that cannot be set is

@@ -161,7 +161,7 @@ impl Instance {
                 entry.enumerate_instance_layer_properties()
             })?;
             if !found.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
-                return Err(VulkanError::NoValidationLayer("VK_LAYER_KHRONOS_validation"));
+                return Err(VulkanError::NoValidation("VK_LAYER_KHRONOS_validation"));
             }
             layers.push(VALIDATION_LAYER.as_ptr());
             available.extend(enumerate(Some(VALIDATION_LAYER))?);
@@ -178,8 +178,11 @@ impl Instance {
         if portability {
             extensions.push(ash::khr::portability_enumeration::NAME);
         }
-        let synchronization = options.validation == Validation::Sync && has(ash::ext::validation_features::NAME);
+        let synchronization = options.validation == Validation::Sync;
         if synchronization {
+            if !has(ash::ext::validation_features::NAME) {
+                return Err(VulkanError::NoValidation("VK_EXT_validation_features"));
+            }
             extensions.push(ash::ext::validation_features::NAME);
         }
         extensions.sort_unstable();

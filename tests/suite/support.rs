@@ -71,7 +71,7 @@ fn options() -> Result<ContextOptions, String> {
     if options.validation == Validation::Off {
         options.validation = Validation::Sync;
     }
-    if let Err(error @ VulkanError::NoValidationLayer(_)) = holonomy::vulkan::devices(&options) {
+    if let Err(error @ VulkanError::NoValidation(_)) = holonomy::vulkan::devices(&options) {
         skip("validation", &error.to_string());
         options.validation = Validation::Off;
     }

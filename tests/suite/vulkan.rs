@@ -8,7 +8,11 @@ use holonomy::{
     geometry::{GEOMETRIES, Geodesic, Geometry, GeometryId, Isometry, Visitor, exponential, visit},
     render::{
         Backend, RenderError, Shot, Target,
-        compute::{ComputeBackend, probe::Probe},
+        compute::{
+            ComputeBackend,
+            probe::Probe,
+            tiles::{Bands, Pace, Tiles},
+        },
         plan::{Decision, Feature, Plan},
         world::{World, WorldCell},
     },
@@ -17,7 +21,10 @@ use holonomy::{
     space::{domain::Domain, observer::Frame},
     vulkan::{Context, ContextOptions, Validation, VulkanError, command::SUBMIT_TIME_OUT, fault::FaultInjection},
 };
-use std::sync::{Arc, Mutex};
+use std::{
+    sync::{Arc, Mutex},
+    time::Duration,
+};
 
 fn single(v: DVec4) -> [f32; 4] {
     v.as_vec4().to_array()
@@ -154,7 +161,7 @@ fn empty_world(count: bool) -> Arc<World> {
             multi_cell: false,
         },
         settings: Settings { background: BACKGROUND, ..Settings::default() },
-        domain: Domain { faces: Vec::new(), cells: vec![0..0], labels: Vec::new() },
+        domain: Domain { faces: Vec::new(), cells: std::iter::once(0..0).collect(), labels: Vec::new() },
         cells: vec![WorldCell { root: None, lights: 0..0 }],
         nodes: Vec::new(),
         primitives: Vec::new(),
@@ -253,6 +260,45 @@ fn compute_refuses_what_the_device_cannot_bind() {
     assert_eq!(gpu.memory_in_use(), before);
 }
 
+#[test]
+fn tiles_cover_each_pixel_once() {
+    for (size, areas) in [([37, 21], [64.0, 4096.0]), ([130, 67], [4096.0, 100.0]), ([1, 1], [1e12, 1.0])] {
+        let mut seen = vec![0; (size[0] * size[1]) as usize];
+        let mut tiles = Tiles::new(size);
+        let mut turn = areas.iter().cycle();
+        while let Some(([x, y], [w, h])) = tiles.next((turn.next().copied().unwrap_or(64.0), [64, 1 << 20])) {
+            assert!(w > 0 && h > 0 && w <= 64);
+            for pixel in (y..y + h).flat_map(|j| (x..x + w).map(move |i| j * size[0] + i)) {
+                seen[pixel as usize] += 1;
+            }
+        }
+        assert!(seen.iter().all(|n| *n == 1), "{size:?}");
+    }
+}
+
+#[test]
+fn tiles_bands_cover_each_row_once() {
+    let bands = Bands::new([8192, 8192], (128 << 20) / 16).expect("a row fits");
+    assert_eq!(bands.pixels(), 8192 * 1024);
+    assert!(bands.iter().flatten().eq(0..8192));
+    assert_eq!(Bands::new([8192, 2], 8191), None);
+    let one = Bands::new([640, 480], 1 << 23).expect("a row fits");
+    assert_eq!((one.iter().count(), one.iter().next()), (1, Some(0..480)));
+}
+
+#[test]
+fn tiles_pace_finds_its_area_and_keeps_it() {
+    let mut pace = Pace::new([65535, 65535]);
+    for _ in 0..20 {
+        let pixels = pace.tile().0 as u64;
+        pace.learn(pixels, Duration::from_nanos(pixels * 100));
+    }
+    assert!((pace.tile().0 - 500_000.0).abs() < 1.0);
+    // The rest of a picture's last row, with its share of the cost of a submission.
+    pace.learn(1000, Duration::from_micros(110));
+    assert!((pace.tile().0 - 500_000.0).abs() < 1.0);
+}
+
 // --- devices ---------------------------------------------------------------------------------------------
 
 #[test]
@@ -308,7 +354,8 @@ fn faults_end_in_errors_that_name_the_call() {
     life(&options).expect("a life without faults");
     let calls = faults.calls();
     assert!(calls.len() > 60, "{calls:?}");
-    for wanted in ["vkAllocateMemory", "vkQueueSubmit", "vkWaitForFences", "vkCreateComputePipelines", "vkCreateDevice"] {
+    for wanted in ["vkAllocateMemory", "vkQueueSubmit", "vkWaitForFences", "vkCreateComputePipelines", "vkCreateDevice"]
+    {
         assert!(calls.contains(&wanted), "{wanted}");
     }
     for (index, call) in calls.iter().enumerate() {

@@ -14,7 +14,7 @@
 
 mod pack;
 pub mod probe;
-mod tiles;
+pub mod tiles;
 
 use super::{
     Backend, Missing, RenderError, Shot, Stats, Target,
@@ -162,7 +162,12 @@ impl Backend for ComputeBackend {
         Ok(())
     }
 
-    fn render(&mut self, shot: &Shot, target: &mut Target, progress: &(dyn Fn(f64) + Sync)) -> Result<Stats, RenderError> {
+    fn render(
+        &mut self,
+        shot: &Shot,
+        target: &mut Target,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Stats, RenderError> {
         let start = Instant::now();
         let [width, height] = shot.size;
         let Some(bands) = Bands::new(shot.size, self.limit() / PIXEL_BYTES) else {
@@ -243,7 +248,7 @@ impl Picture<'_> {
         for unused in [binding::probe_in, binding::probe_out] {
             bound.push(Bound::whole(unused, &self.backend.null));
         }
-        let set = BufferSet::new(&self.loaded.pipeline, &bound)?;
+        let set = BufferSet::new(self.loaded.pipeline.layout(), &bound)?;
         Ok(Canvas { pixels, readback, set })
     }
 
@@ -259,9 +264,10 @@ impl Picture<'_> {
             view.tangents[2] = at(rows.end);
             view.tangents[3] = at(rows.start);
         }
-        self.loaded.view.upload(submitter, bytemuck::bytes_of(&view))?;
-        submitter.submit("clear pixels", |r| {
+        let buffer = &self.loaded.view;
+        submitter.submit("begin a picture", |r| {
             r.barrier(&[Access::Compute, Access::Transfer], &[Access::Transfer]);
+            r.write(buffer, &view)?;
             r.clear(&canvas.pixels)?;
             r.barrier(&[Access::Transfer], &[Access::Compute]);
             Ok(())

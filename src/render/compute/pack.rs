@@ -2,10 +2,7 @@
 
 use crate::{
     geometry::Isometry,
-    render::{
-        plan::Feature,
-        world::World,
-    },
+    render::{plan::Feature, world::World},
     scene::{Material, Wrap},
     shader_io::{self as io, NONE, binding},
     space::domain::DomainFace,

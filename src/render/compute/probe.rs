@@ -115,7 +115,7 @@ impl Probe {
             Bound { binding: binding::probe_in, buffer: arguments.clone(), bytes: argument_bytes },
             Bound { binding: binding::probe_out, buffer: results.clone(), bytes: result_bytes },
         ];
-        let set = BufferSet::new(&self.pipeline, &bound)?;
+        let set = BufferSet::new(self.pipeline.layout(), &bound)?;
         Ok(Batch { count, arguments, results, readback, set })
     }
 }
