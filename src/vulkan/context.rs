@@ -75,7 +75,8 @@ impl Context {
         let faults = options.faults.clone();
         let instance = Instance::new(options, creator)?;
         let required = creator.physical_device(instance.raw().handle())?;
-        let (physical, info) = choose(instance.physical_devices()?, required, options)?;
+        let (physical, mut info) = choose(instance.physical_devices()?, required, options)?;
+        info.max_storage_range = info.max_storage_range.min(options.max_storage_range.unwrap_or(u64::MAX));
         let lacking = info.lacks(options.tier);
         let Some(queue_family) = info.found.queue_family.filter(|_| lacking.is_empty()) else {
             return Err(VulkanError::Lacking { device: info.name, lacking });

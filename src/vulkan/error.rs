@@ -12,7 +12,7 @@ pub enum VulkanError {
     /// The loader is older than Vulkan 1.2.
     #[error("the Vulkan loader offers version {}.{}, but 1.2 is needed", .0.0, .0.1)]
     OldLoader((u32, u32)),
-    /// The loader knows no device.
+    /// The loader knows no driver, or its drivers no device.
     #[error("no Vulkan device")]
     NoDevice,
     /// No device has the index or name asked for.

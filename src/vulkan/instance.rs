@@ -66,9 +66,12 @@ unsafe impl Creator for Loader {
         faults: &FaultInjection,
     ) -> Result<vk::Instance, VulkanError> {
         // SAFETY: `info` is a complete structure made by `Instance::with_entry`.
-        faults
-            .call("vkCreateInstance", "the program", || unsafe { entry.create_instance(info, None) })
-            .map(|i| i.handle())
+        match faults.call("vkCreateInstance", "the program", || unsafe { entry.create_instance(info, None) }) {
+            Ok(instance) => Ok(instance.handle()),
+            // The loader's way to say that there is no driver at all.
+            Err(VulkanError::Call { result: vk::Result::ERROR_INCOMPATIBLE_DRIVER, .. }) => Err(VulkanError::NoDevice),
+            Err(error) => Err(error),
+        }
     }
 
     fn device(

@@ -13,10 +13,13 @@ use holonomy::{
             probe::Probe,
             tiles::{Bands, Pace, Tiles},
         },
+        cpu::CpuBackend,
         plan::{Decision, Feature, Plan},
         world::{World, WorldCell},
     },
-    scene::{Settings, Shading},
+    scene::{
+        Material, Mesh, Object, Observer, Place, PointLight, Scene, Settings, Shading, Shape, Texture, Vertex, Wrap,
+    },
     shader_io::{self as io, ProbeIn, ProbeOut},
     space::{domain::Domain, observer::Frame},
     vulkan::{Context, ContextOptions, Validation, VulkanError, command::SUBMIT_TIME_OUT, fault::FaultInjection},
@@ -228,7 +231,7 @@ fn compute_counts_nothing_if_nobody_asks() {
 }
 
 #[test]
-fn compute_draws_in_bands_beyond_the_largest_range() {
+fn compute_draws_pictures_beyond_the_largest_range() {
     let Some(gpu) = gpu() else { return };
     let mut backend = ComputeBackend::new(&gpu).expect("a backend");
     backend.load(&empty_world(true)).expect("a load");
@@ -246,18 +249,41 @@ fn compute_draws_in_bands_beyond_the_largest_range() {
 }
 
 #[test]
+fn compute_bands_make_the_same_picture() {
+    let Some((_turn, options)) = gpu_turn() else { return };
+    let scene = rich_scene("torus");
+    let world = World::new(&scene, &Plan::new(&scene, true), scene.observer.frame).expect("a world");
+    // The last band has fewer rows.
+    let shot = Shot { samples: 2, ..Shot::symmetric(scene.observer.frame, scene.observer.fov, [96, 64]) };
+    let draw = |max_storage_range| {
+        let options = ContextOptions { max_storage_range, ..options.clone() };
+        let context = Context::new(&options).expect("a context");
+        let mut backend = ComputeBackend::new(&context).expect("a backend");
+        backend.load(&Arc::new(world.clone())).expect("a load");
+        let mut target = Target::new([1, 1]);
+        let stats = backend.render(&shot, &mut target, &|_| ()).expect("a picture");
+        assert_eq!(stats.counts[io::COUNT_RAYS as usize], 2 * 96 * 64);
+        (target, stats)
+    };
+    let ((whole, one), (bands, some)) = (draw(None), draw(Some(96 * 16 * 23)));
+    assert!(some.dispatches >= 3 * 2 && some.memory < one.memory);
+    let (far, near) = differences(&whole, &bands);
+    assert!(far < 0.001 && near < 1e-5, "{far} {near}");
+    assert_eq!(options.messages.take(), [""; 0]);
+}
+
+#[test]
 fn compute_refuses_what_the_device_cannot_bind() {
-    let Some(gpu) = gpu() else { return };
-    if gpu.info().max_storage_range > 256 << 20 {
-        return skip("largest range", "the device binds more than a test should allocate");
-    }
+    let Some((_turn, options)) = gpu_turn() else { return };
+    let context = Context::new(&ContextOptions { max_storage_range: Some(4000), ..options }).expect("a context");
     let mut world = Arc::unwrap_or_clone(empty_world(false));
-    world.primitives = vec![0; gpu.info().max_storage_range as usize / 4 + 1];
-    let mut backend = ComputeBackend::new(&gpu).expect("a backend");
-    let before = gpu.memory_in_use();
+    world.primitives = vec![0; 1001];
+    let mut backend = ComputeBackend::new(&context).expect("a backend");
+    let before = context.memory_in_use();
     let error = backend.load(&Arc::new(world)).expect_err("too large").to_string();
-    assert!(error.starts_with("primitives takes 134217732 bytes, but llvmpipe"), "{error}");
-    assert_eq!(gpu.memory_in_use(), before);
+    let device = &context.info().name;
+    assert_eq!(error, format!("primitives takes 4004 bytes, but {device} binds at most 4000"));
+    assert_eq!(context.memory_in_use(), before);
 }
 
 #[test]
@@ -439,4 +465,119 @@ fn errors_name_the_thing_and_the_limits() {
     assert_eq!(error.to_string(), "vkAllocateMemory for buffer pixels (5 bytes, 7 bytes in use): none");
     let error = VulkanError::UnknownDevice { wanted: "x".to_owned(), devices: Vec::new() };
     assert_eq!(error.to_string(), "no Vulkan device is called \"x\"; there is none");
+}
+
+// --- against the CPU -----------------------------------------------------------------------------------------
+
+/// A scene with something of everything that is packed for the device: mesh with texture and mask, ball, tube,
+/// point light and spot, in a space that is glued to itself.
+fn rich_scene(space: &str) -> Scene {
+    let space = holonomy::space::catalogue::find(space).expect("a space of the catalogue");
+    let geometry = space.geometry;
+    struct At(DVec3);
+    impl Visitor for At {
+        type Output = Frame;
+        fn visit<G: Geometry>(self, geometry: G) -> Frame {
+            let base = geometry.base();
+            Frame { cell: 0, point: base, axes: geometry.frame(base) }.moved(geometry, self.0)
+        }
+    }
+    let at = |x, y, z| visit(geometry, At(DVec3::new(x, y, z)));
+    let world = |x, y, z| Place::World(at(x, y, z));
+    let vertex = |x, y, u, v| Vertex { position: DVec3::new(x, y, 0.0), normal: DVec3::Z, uv: [u, v] };
+    let mesh = Mesh {
+        name: "quad".to_owned(),
+        vertices: vec![
+            vertex(-0.15, -0.15, 0.0, 2.5),
+            vertex(0.15, -0.15, 2.5, 2.5),
+            vertex(0.15, 0.15, 2.5, 0.0),
+            vertex(-0.15, 0.15, 0.0, 0.0),
+        ],
+        triangles: vec![([0, 1, 2], 1), ([0, 2, 3], 1)],
+    };
+    let texel = |r: f32, a: f32| [r, 0.25, 0.75, a].map(half::f16::from_f32);
+    let texture = Texture {
+        width: 2,
+        height: 2,
+        texels: vec![texel(1.0, 1.0), texel(0.5, 1.0), texel(0.1, 0.0), texel(0.9, 1.0)],
+        wrap: [Wrap::Mirror, Wrap::Repeat],
+    };
+    let masked = Material { base_texture: Some(0), alpha_cutoff: Some(0.5), ..Material::plain("masked", [1.0; 3]) };
+    let object =
+        |name: &str, shape, place, material| Object { name: name.to_owned(), shape, place, scale: 1.0, material };
+    let light = |place: Frame, spot: Option<(DVec4, f64)>| PointLight {
+        cell: 0,
+        point: place.point,
+        color: [1.0, 0.9, 0.8],
+        range: 1.0,
+        spot,
+        shadows: spot.is_some(),
+    };
+    let lamp = at(0.0, 0.2, 0.1);
+    Scene {
+        name: "rich".to_owned(),
+        observer: Observer { frame: at(0.05, 0.02, 0.3), fov: 80.0, eye_distance: 0.06 },
+        lights: vec![light(at(0.1, -0.2, 0.2), None), light(lamp, Some((-lamp.axes[1], 0.5)))],
+        materials: vec![Material::plain("red", [0.8, 0.1, 0.1]), masked],
+        textures: vec![texture],
+        meshes: vec![mesh],
+        objects: vec![
+            object("ball", Shape::Ball { radius: 0.1 }, world(0.15, 0.0, -0.1), Some(0)),
+            object("tube", Shape::Tube { radius: 0.03, length: 0.3 }, world(-0.1, -0.15, -0.2), Some(0)),
+            object("quad", Shape::Mesh(0), world(-0.1, 0.05, 0.0), None),
+        ],
+        settings: Settings {
+            bounces: 4,
+            fog: 0.2,
+            headlight: [0.1; 3],
+            background: BACKGROUND,
+            max_distance: Some(4.0),
+            ..Settings::default()
+        },
+        space,
+    }
+}
+
+/// Share of pixels that differ by more than rounding, and mean difference of the rest.
+fn differences(a: &Target, b: &Target) -> (f64, f64) {
+    let each = a.pixels.iter().zip(&b.pixels).map(|(a, b)| {
+        a.iter().zip(b).map(|(a, b)| if a == b { 0.0 } else { f64::from((a - b).abs()) }).fold(0.0, f64::max)
+    });
+    let (mut far, mut sum) = (0.0, 0.0);
+    for difference in each {
+        if difference <= 2e-3 { sum += difference } else { far += 1.0 }
+    }
+    let count = a.pixels.len() as f64;
+    (far / count, sum / count)
+}
+
+#[test]
+fn compute_draws_what_the_cpu_draws() {
+    let Some(gpu) = gpu() else { return };
+    let mut compute = ComputeBackend::new(&gpu).expect("a backend");
+    let mut cpu = CpuBackend::default();
+    for space in ["torus", "poincare", "seifert-weber"] {
+        for shading in [Shading::Riemannian, Shading::Distance, Shading::Cell, Shading::Object] {
+            let mut scene = rich_scene(space);
+            scene.settings.shading = shading;
+            let plan = Plan::new(&scene, true);
+            let world = Arc::new(World::new(&scene, &plan, scene.observer.frame).expect("a world"));
+            let shot = Shot { samples: 2, ..Shot::symmetric(scene.observer.frame, scene.observer.fov, [96, 64]) };
+            let (mut expected, mut drawn) = (Target::new(shot.size), Target::new(shot.size));
+            cpu.load(&world).expect("a load");
+            let reference = cpu.render(&shot, &mut expected, &|_| ()).expect("a picture");
+            compute.load(&world).expect("a load");
+            let stats = compute.render(&shot, &mut drawn, &|_| ()).expect("a picture");
+            let (far, near) = differences(&expected, &drawn);
+            assert!(far < 0.01 && near < 1e-4, "{space} {shading:?}: {far} {near:e}");
+            assert!(reference.counts[io::COUNT_HITS as usize] > 3000);
+            for (a, b) in reference.counts.iter().zip(stats.counts) {
+                assert!(a.abs_diff(b) as f64 <= 0.01 * *a as f64 + 10.0, "{:?} {:?}", reference.counts, stats.counts);
+            }
+            // The comparison notices a darker picture.
+            drawn.pixels.iter_mut().for_each(|p| p[1] *= 0.99);
+            let (far, near) = differences(&expected, &drawn);
+            assert!(far >= 0.01 || near >= 1e-4, "{space} {shading:?}");
+        }
+    }
 }
