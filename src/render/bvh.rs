@@ -102,7 +102,11 @@ impl Builder<'_> {
     fn child(&mut self, items: &mut [Item], depth: u32) -> Child {
         let bounds = items.iter().fold(Aabb::EMPTY, |b, item| b.union(item.bounds));
         if items.is_empty() {
-            return Child { bounds: Aabb { lower: DVec3::splat(NOWHERE), upper: DVec3::splat(NOWHERE) }, index: 0, count: 0 };
+            return Child {
+                bounds: Aabb { lower: DVec3::splat(NOWHERE), upper: DVec3::splat(NOWHERE) },
+                index: 0,
+                count: 0,
+            };
         }
         let Some(middle) = split(items, depth) else {
             let index = self.order.len() as u32;

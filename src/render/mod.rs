@@ -40,7 +40,12 @@ pub trait Backend {
     ///
     /// # Errors
     /// Device faults, and [`RenderError::NothingLoaded`].
-    fn render(&mut self, shot: &Shot, target: &mut Target, progress: &(dyn Fn(f64) + Sync)) -> Result<Stats, RenderError>;
+    fn render(
+        &mut self,
+        shot: &Shot,
+        target: &mut Target,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Stats, RenderError>;
 }
 
 /// What a backend lacks for a plan.

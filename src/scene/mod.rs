@@ -1,12 +1,20 @@
 //! Scenes: what is in a space and how it is looked at. No Vulkan here, and no geometry's name: a scene holds
 //! points and frames in the coordinates of whatever geometry its space has.
 //!
-//! [`file`] reads the TOML format with line and column in every message, [`gltf`] reads meshes, [`shipped`] holds
-//! the scenes that come with the program.
+//! [`mod@file`] reads the TOML format with line and column in every message, [`gltf`] reads meshes, [`shipped`] holds
+//! the scenes that come with the program, [`folder`] keeps scenes from reading files that are none of their business.
 
+mod accessor;
 pub mod file;
+pub mod folder;
+mod glb;
 pub mod gltf;
+mod normals;
+mod objects;
+mod places;
+mod reader;
 pub mod shipped;
+mod texture;
 
 use crate::space::{Space, observer::Frame};
 use glam::{DMat3, DVec3, DVec4};
@@ -57,10 +65,19 @@ pub struct PointLight {
     pub color: [f32; 3],
     /// Its light fades to nothing at this distance. Images of the light under the deck group count up to it.
     pub range: f64,
-    /// Spot light: unit tangent vector at `point` along its axis, and cosine of half its opening angle.
-    pub spot: Option<(DVec4, f64)>,
     /// Whether objects throw shadows in it.
     pub shadows: bool,
+    /// The cone that it shines into, or everything.
+    pub spot: Option<Spot>,
+}
+
+/// The cone of a light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spot {
+    /// Unit tangent vector at the light's position, along the axis of the cone.
+    pub direction: DVec4,
+    /// Cosine of the angle between the axis and the edge of the cone, in (−1, 1).
+    pub cos_angle: f64,
 }
 
 /// The metallic-roughness model of glTF 2.0.
@@ -85,7 +102,7 @@ pub struct Material {
 }
 
 /// How a texture goes on outside [0, 1].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Wrap {
     /// Again and again.
     Repeat,

@@ -64,7 +64,7 @@ pub fn find(name: &str) -> Option<Space> {
 fn torus() -> (GeometryId, Vec<Face>) {
     let faces = (0..6).map(|f| {
         let normal = signed_axis(f);
-        let offset = if f % 2 == 0 { -1.0 } else { 0.0 };
+        let offset = if f.is_multiple_of(2) { -1.0 } else { 0.0 };
         paired(normal.extend(offset), f ^ 1, DMat4::from_translation(-normal))
     });
     (GeometryId::E3, faces.collect())
@@ -157,7 +157,7 @@ fn dodecahedron_normals() -> [DVec3; 12] {
     let length = golden.hypot(1.0);
     std::array::from_fn(|f| {
         let short = if f / 6 == 0 { 1.0 } else { -1.0 } / length;
-        let long = if (f / 3) % 2 == 0 { golden } else { -golden } / length;
+        let long = if (f / 3).is_multiple_of(2) { golden } else { -golden } / length;
         match f % 3 {
             0 => DVec3::new(0.0, short, long),
             1 => DVec3::new(short, long, 0.0),
@@ -175,7 +175,7 @@ fn opposite(f: usize) -> usize {
 fn signed_axis(f: usize) -> DVec3 {
     let axis = [DVec3::X, DVec3::Y, DVec3::Z][f / 2];
     // Not a product with −1, which would leave zeros with a sign.
-    if f % 2 == 0 { axis } else { DVec3::ZERO - axis }
+    if f.is_multiple_of(2) { axis } else { DVec3::ZERO - axis }
 }
 
 fn paired(plane: DVec4, partner: usize, pairing: DMat4) -> Face {

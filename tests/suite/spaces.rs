@@ -1,9 +1,11 @@
 //! The named spaces against 30-digit reference data (`tests/data/spaces.json`), and damaged copies of them.
 
-use glam::{DMat4, DVec3, DVec4};
-use holonomy::geometry::matrix_from_rows;
-use holonomy::space::catalogue;
+use glam::{DMat4, DVec3, DVec4, Vec4Swizzles};
+use holonomy::geometry::{GeometryId, Isometry, matrix_from_rows};
+use holonomy::space::check::{CheckError, Kind, check};
+use holonomy::space::{Cell, Face, FaceId, Space, catalogue};
 use serde_json::Value;
+use std::f64::consts::{PI, TAU};
 
 /// All reference entries.
 fn all_references() -> Vec<Value> {
@@ -75,4 +77,195 @@ fn spaces_have_the_reference_planes_and_pairings() {
 #[test]
 fn spaces_unknown_name_is_none() {
     assert!(catalogue::find("klein-bottle-flask").is_none());
+}
+
+/// The gluing of a reference entry.
+pub fn reference_space(entry: &Value) -> Space {
+    let faces = entry["faces"].as_array().expect("faces").iter().map(|f| Face {
+        plane: vector(&f["plane"]),
+        pairing: Isometry::linear(matrix(&f["matrix"])),
+        partner: FaceId { cell: 0, face: f["pair"].as_u64().expect("partner") as usize },
+    });
+    let geometry = GeometryId::from_name(entry["geometry"].as_str().expect("geometry")).expect("known geometry");
+    Space { name: entry["name"].to_string(), geometry, cells: vec![Cell { faces: faces.collect() }] }
+}
+
+/// Invariant factors from a sum such as `Z + Z/2 + Z/2`.
+fn invariant_factors(group: &str) -> Vec<u64> {
+    let mut factors: Vec<u64> = group
+        .split(" + ")
+        .filter(|summand| *summand != "0")
+        .map(|summand| summand.strip_prefix("Z/").map_or(0, |order| order.parse().expect("order")))
+        .collect();
+    factors.sort_by_key(|&d| (d == 0, d));
+    factors
+}
+
+/// What the reference says of a space against what the check says.
+fn compare(entry: &Value, space: &Space) {
+    let name = &entry["name"];
+    let report = check(space).unwrap_or_else(|e| panic!("{name}: {e}"));
+    assert_eq!(entry["counts"]["faces"], report.faces, "{name}");
+    assert_eq!(entry["counts"]["edges"], report.edges, "{name}");
+    assert_eq!(entry["counts"]["vertices"], report.vertices, "{name}");
+    let cycles = entry["edge_cycles"].as_array().expect("cycles");
+    let mut wanted: Vec<u64> = cycles.iter().map(|c| c["length"].as_u64().expect("length")).collect();
+    let mut lengths: Vec<u64> = report.edge_cycles.iter().map(|c| c.length as u64).collect();
+    wanted.sort_unstable();
+    lengths.sort_unstable();
+    assert_eq!(lengths, wanted, "{name}: lengths of the edge cycles");
+    for cycle in &report.edge_cycles {
+        assert!(cycle.residual < 1e-12 && (cycle.angle - TAU).abs() < 1e-13, "{name}: {cycle:?}");
+    }
+    assert!(report.pairing_residual < 1e-13, "{name}: {}", report.pairing_residual);
+    let volume = number(&entry["volume"]);
+    assert!((report.volume / volume - 1.0).abs() < 1e-13, "{name}: volume {} for {volume}", report.volume);
+    assert_eq!(report.kind == Kind::Manifold, entry["kind"] == "manifold", "{name}");
+    let checks = &entry["checks"];
+    assert_eq!(checks["orientable"], report.orientable, "{name}");
+    if report.kind == Kind::Manifold {
+        assert_eq!(report.homology, invariant_factors(checks["H1"].as_str().expect("H1")), "{name}");
+        assert_eq!(checks["vertex_classes"], report.vertex_classes, "{name}");
+        assert_eq!(checks["euler_characteristic"], report.euler_characteristic, "{name}");
+    } else {
+        // Each mirror is a generator of order two, and right angles make them commute anyway.
+        assert_eq!(report.homology, vec![2; report.faces], "{name}");
+    }
+}
+
+#[test]
+fn spaces_check_agrees_with_the_reference() {
+    for name in catalogue::NAMES {
+        compare(&reference(name), &catalogue::find(name).expect("named space"));
+    }
+}
+
+#[test]
+fn spaces_check_agrees_on_every_reference_gluing() {
+    for entry in classical() {
+        compare(&entry, &reference_space(&entry));
+    }
+}
+
+#[test]
+fn spaces_report_has_the_documented_keys() {
+    let report = check(&catalogue::find("torus").expect("torus")).expect("closes");
+    let text = serde_json::to_string(&report).expect("JSON");
+    let wanted = r#"{"geometry":"e3","faces":6,"pairing_residual":0.0,"edge_cycles":[{"length":4,"angle":6.283185307179586,"residual":0.0},"#;
+    assert!(text.starts_with(wanted), "{text}");
+    assert!(text.contains(r#""volume":1.0"#) || text.contains(r#""volume":0.99999"#), "{text}");
+    assert!(text.contains(r#""homology":[0,0,0],"kind":"manifold""#), "{text}");
+}
+
+/// A copy of a named space with something changed.
+fn damaged(name: &str, damage: impl FnOnce(&mut Vec<Face>)) -> CheckError {
+    let mut space = catalogue::find(name).expect("named space");
+    damage(&mut space.cells[0].faces);
+    check(&space).expect_err("the damage must be seen")
+}
+
+fn assert_names(error: &CheckError, words: &str) {
+    let text = error.to_string();
+    assert!(text.contains(words) && !text.contains('\n'), "{text:?} should name {words:?}");
+}
+
+/// Opposite faces paired with another turn about the direction of travel.
+fn turned(faces: &mut [Face], extra: f64) {
+    let normals: Vec<DVec3> = faces.iter().map(|f| f.plane.xyz().normalize()).collect();
+    for (face, normal) in faces.iter_mut().zip(normals) {
+        let turn = DMat4::from_axis_angle(-normal, extra);
+        face.pairing = Isometry::linear(face.pairing.linear * turn);
+    }
+}
+
+#[test]
+fn spaces_damaged_entry_is_caught() {
+    for name in catalogue::NAMES {
+        let faces = catalogue::find(name).expect("space").cells[0].faces.len();
+        for face in 0..faces {
+            for entry in 0..16 {
+                let error = damaged(name, |f| f[face].pairing.linear.col_mut(entry / 4)[entry % 4] += 1e-6);
+                assert_names(&error, &format!("face {face} of cell 0"));
+            }
+            let plane = catalogue::find(name).expect("space").cells[0].faces[face].plane;
+            // Another scale of the same plane is no damage.
+            for entry in (0..4).filter(|&entry| DVec4::AXES[entry] * plane[entry] != plane) {
+                let error = damaged(name, |f| f[face].plane[entry] += 1e-6);
+                assert_names(&error, "face ");
+            }
+        }
+    }
+}
+
+#[test]
+fn spaces_wrong_turn_is_caught() {
+    // The book prints 3π/10 for 3π/5: no pentagon lands on a pentagon.
+    let printed = damaged("seifert-weber", |f| turned(f, -0.3 * PI));
+    assert!(matches!(printed, CheckError::NotOnto { .. }), "{printed}");
+    assert_names(&printed, "face 0 of cell 0");
+    // Turns that take pentagons to pentagons, and leave the wrong angle round the edges.
+    for extra in [-0.4 * PI, 0.4 * PI] {
+        let error = damaged("seifert-weber", |f| turned(f, extra));
+        assert!(matches!(error, CheckError::Angle { .. }), "{error}");
+        assert_names(&error, "edge between faces 0 and 1 of cell 0");
+    }
+    let error = damaged("poincare", |f| turned(f, 0.4 * PI));
+    assert!(matches!(error, CheckError::Angle { .. }), "{error}");
+    let error = damaged("poincare", |f| turned(f, 0.2 * PI));
+    assert!(matches!(error, CheckError::NotOnto { .. }), "{error}");
+    // A turn of one pair only.
+    let error = damaged("torus", |f| turned(&mut f[..2], 0.3));
+    assert!(matches!(error, CheckError::NotOnto { .. }), "{error}");
+}
+
+#[test]
+fn spaces_wrong_partner_is_caught() {
+    for name in catalogue::NAMES {
+        let faces = catalogue::find(name).expect("space").cells[0].faces.len();
+        let wrong = damaged(name, |f| f[0].partner.face = (f[0].partner.face + 2) % faces);
+        assert_names(&wrong, "face 0 of cell 0");
+        let nowhere = damaged(name, |f| f[1].partner.face = faces);
+        assert_names(&nowhere, "does not exist");
+        let no_cell = damaged(name, |f| f[1].partner.cell = 1);
+        assert_names(&no_cell, "does not exist");
+        let swapped = damaged(name, |f| f.swap(0, 2));
+        assert_names(&swapped, "of cell 0");
+        let pairings_swapped = damaged(name, |f| (f[0].pairing, f[2].pairing) = (f[2].pairing, f[0].pairing));
+        assert_names(&pairings_swapped, "face 0 of cell 0");
+        let planes_swapped = damaged(name, |f| (f[0].plane, f[2].plane) = (f[2].plane, f[0].plane));
+        assert_names(&planes_swapped, "face 0 of cell 0");
+    }
+}
+
+#[test]
+fn spaces_cell_on_the_wrong_side_is_caught() {
+    // The identity takes a face onto itself, and the cell onto itself.
+    let error = damaged("mirrored-cube", |f| f[3].pairing = Isometry::IDENTITY);
+    assert!(matches!(error, CheckError::WrongSide { .. }), "{error}");
+    assert_names(&error, "face 3 of cell 0");
+}
+
+#[test]
+fn spaces_missing_and_doubled_faces_are_caught() {
+    for name in catalogue::NAMES {
+        let missing = damaged(name, |f| f.truncate(f.len() - 1));
+        assert_names(&missing, "face ");
+        let doubled = damaged(name, |f| f.push(f[0].clone()));
+        assert_names(&doubled, "face ");
+    }
+    let mut space = catalogue::find("torus").expect("torus");
+    space.cells.push(space.cells[0].clone());
+    for face in &mut space.cells[1].faces {
+        face.partner.cell = 1;
+    }
+    assert_names(&check(&space).expect_err("two tori"), "cell 1 is not connected");
+    space.cells.clear();
+    assert_names(&check(&space).expect_err("nothing"), "no cells");
+}
+
+#[test]
+fn spaces_corners_at_infinity_are_caught() {
+    let error = damaged("seifert-weber", |f| f.iter_mut().for_each(|f| f.plane.w *= 1.05));
+    assert!(matches!(error, CheckError::AtInfinity { .. }), "{error}");
+    assert_names(&error, "of cell 0");
 }

@@ -55,7 +55,12 @@ impl Backend for CpuBackend {
         Ok(())
     }
 
-    fn render(&mut self, shot: &Shot, target: &mut Target, progress: &(dyn Fn(f64) + Sync)) -> Result<Stats, RenderError> {
+    fn render(
+        &mut self,
+        shot: &Shot,
+        target: &mut Target,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Stats, RenderError> {
         let world = self.world.as_ref().ok_or(RenderError::NothingLoaded)?;
         Ok(visit(world.geometry, Render { world, shot, target, progress }))
     }

@@ -4,9 +4,7 @@ use super::{Counts, surface::Surface, traverse::Tracer};
 use crate::{
     geometry::{Geodesic, Geometry},
     scene::Shading,
-    shader_io::{
-        COUNT_BOUNCES, COUNT_HITS, COUNT_LOST, COUNT_RAYS, COUNT_SEGMENTS, NONE, SEGMENTS_PER_BOUNCE,
-    },
+    shader_io::{COUNT_BOUNCES, COUNT_HITS, COUNT_LOST, COUNT_RAYS, COUNT_SEGMENTS, NONE, SEGMENTS_PER_BOUNCE},
     space::walk::{Path, Status, stage_segment},
 };
 use glam::DVec3;
@@ -22,7 +20,12 @@ impl<G: Geometry> Tracer<'_, G> {
     }
 
     /// Follows a ray from the eye to its end. Faces that it crosses are reported with the length at which.
-    pub fn path(&self, start: Geodesic, counts: &mut Counts, mut crossed: impl FnMut(usize, &Path)) -> (Path, Option<Surface>) {
+    pub fn path(
+        &self,
+        start: Geodesic,
+        counts: &mut Counts,
+        mut crossed: impl FnMut(usize, &Path),
+    ) -> (Path, Option<Surface>) {
         let settings = &self.world.settings;
         let limit = if self.uses.max_distance { settings.max_distance.unwrap_or(f64::INFINITY) } else { f64::INFINITY };
         let mut path = Path::new(start, self.shot.eye.cell, limit);

@@ -12,7 +12,7 @@ use crate::{
         world::{World, WorldQuadric},
     },
     scene::Shading,
-    shader_io::{COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, NONE, QUADRIC_BIT, SHADOW_BOUNCES, STACK_SIZE},
+    shader_io::{COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, QUADRIC_BIT, SHADOW_BOUNCES, STACK_SIZE},
     space::walk::{Path, Segment, Status, stage_transport},
 };
 use glam::{DVec3, Vec3};

@@ -197,7 +197,14 @@ impl<'a, G: Geometry> Builder<'a, G> {
         self.add_balls(index, object, cell, &vertices, radius)
     }
 
-    fn add_balls(&mut self, index: usize, object: &Object, cell: usize, centres: &[DVec4], radius: f64) -> Result<(), WorldError> {
+    fn add_balls(
+        &mut self,
+        index: usize,
+        object: &Object,
+        cell: usize,
+        centres: &[DVec4],
+        radius: f64,
+    ) -> Result<(), WorldError> {
         let geometry = self.geometry;
         for centre in centres {
             let extent = Balls { centres: &[*centre], radius };
@@ -273,13 +280,13 @@ impl<'a, G: Geometry> Builder<'a, G> {
                 let extent = Balls { centres: &[light.point], radius: light.range };
                 let name = format!("light {number}");
                 for copy in copies(self.geometry, &self.domain, light.cell, &extent, &name)? {
-                    let velocity = light.spot.map_or(DVec4::ZERO, |(axis, _)| axis);
+                    let velocity = light.spot.map_or(DVec4::ZERO, |spot| spot.direction);
                     let image = self.geometry.apply(&copy.isometry, Geodesic { point: light.point, velocity });
                     per_cell[copy.cell].push(WorldLight {
                         point: image.point,
                         color: light.color,
                         range: light.range,
-                        spot: light.spot.map(|(_, cosine)| (image.velocity, cosine)),
+                        spot: light.spot.map(|spot| (image.velocity, spot.cos_angle)),
                         shadows: light.shadows,
                     });
                 }

@@ -1,0 +1,199 @@
+//! `holonomy geodesic`: the end of a geodesic in a model geometry.
+
+use super::{
+    BackendChoice, Failure, GeodesicArgs, Outcome, Precision,
+    batch::{self, Case},
+    print_line,
+};
+use crate::{
+    geometry::{Geodesic, Geometry, GeometryError, GeometryId, Visitor, settle_geodesic, visit},
+    render::compute::probe::Probe,
+    shader_io::{PROBE_FLOW, ProbeIn},
+    vulkan::{Context, ContextOptions},
+};
+use anyhow::anyhow;
+use glam::{DVec4, Vec4};
+use serde_json::{Value, json};
+use std::{collections::HashMap, io::stdout, sync::Arc};
+
+/// A case that has been checked.
+#[derive(Clone, Copy)]
+struct Job {
+    geometry: GeometryId,
+    start: Geodesic,
+    length: f64,
+}
+
+pub(super) fn run(args: &GeodesicArgs) -> Outcome {
+    let mut engine = Engine::new(args)?;
+    if let Some(path) = &args.start.batch {
+        return batch::run(path, |lines| {
+            let jobs = lines.into_iter().map(|line| line.and_then(|value| job_from_json(&value))).collect();
+            let ends = engine.flow(jobs)?;
+            Ok(ends.into_iter().map(|end| end.map(|(id, g)| end_json(id, g))).collect())
+        });
+    }
+    let missing = |what: &str| Failure::refused(anyhow!("{what} is missing (or use --batch)"));
+    let geometry = args.geometry.as_deref().ok_or_else(|| missing("--geometry"))?;
+    let from = args.start.from.as_ref().ok_or_else(|| missing("--from"))?;
+    let direction = args.start.direction.as_ref().ok_or_else(|| missing("--direction"))?;
+    let length = args.start.length.ok_or_else(|| missing("--length"))?;
+    let job = make_job(geometry, from, direction, length);
+    let job = job.map_err(|error| Failure::refused(anyhow!(error)))?;
+    let end = engine.flow(vec![Ok(job)])?.pop().unwrap_or_else(|| Err(String::from("no result")));
+    let (id, end) = end.map_err(|error| Failure::refused(anyhow!(error)))?;
+    let text = if args.json {
+        end_json(id, end).to_string()
+    } else {
+        format!("point     {}\ndirection {}", shown(id, end.point), shown(id, end.velocity))
+    };
+    print_line(&mut stdout().lock(), &text).map(|_| ())
+}
+
+fn job_from_json(value: &Value) -> Result<Job, String> {
+    let case = Case::new(value, &["geometry", "from", "direction", "length"])?;
+    make_job(case.text("geometry")?, &case.vector("from")?, &case.vector("direction")?, case.number("length")?)
+}
+
+fn make_job(geometry: &str, from: &[f64], direction: &[f64], length: f64) -> Result<Job, String> {
+    let names = || crate::geometry::GEOMETRIES.iter().map(|e| e.name).collect::<Vec<_>>().join(", ");
+    let id = GeometryId::from_name(geometry)
+        .ok_or_else(|| format!("unknown geometry {geometry:?}; known are {}", names()))?;
+    let start = start_from_numbers(id, from, direction)?;
+    Ok(Job { geometry: id, start, length })
+}
+
+/// Point and unit direction from the user's numbers.
+pub(super) fn start_from_numbers(id: GeometryId, from: &[f64], direction: &[f64]) -> Result<Geodesic, String> {
+    struct Settle(&'static str, DVec4, DVec4);
+    impl Visitor for Settle {
+        type Output = Result<Geodesic, GeometryError>;
+        fn visit<G: Geometry>(self, geometry: G) -> Self::Output {
+            settle_geodesic(geometry, self.0, self.1, self.2)
+        }
+    }
+    let count = id.components();
+    let vector = |what: &str, given: &[f64]| {
+        if given.len() == count {
+            Ok(DVec4::from_array(std::array::from_fn(|i| given.get(i).copied().unwrap_or(0.0))))
+        } else {
+            Err(format!("{what} needs {count} numbers in {}, found {}", id.name(), given.len()))
+        }
+    };
+    let settle = Settle(id.name(), vector("from", from)?, vector("direction", direction)?);
+    visit(id, settle).map_err(|error| error.to_string())
+}
+
+/// The user's components of a point or vector.
+pub(super) fn components(id: GeometryId, v: DVec4) -> Vec<f64> {
+    // Adding zero turns -0 into 0.
+    v.to_array()[..id.components()].iter().map(|x| x + 0.0).collect()
+}
+
+fn shown(id: GeometryId, v: DVec4) -> String {
+    components(id, v).iter().map(|x| x.to_string()).collect::<Vec<_>>().join(" ")
+}
+
+fn end_json(id: GeometryId, end: Geodesic) -> Value {
+    json!({ "point": components(id, end.point), "direction": components(id, end.velocity) })
+}
+
+/// Computes ends of geodesics on the cpu or the device.
+enum Engine {
+    Cpu,
+    Device { context: Arc<Context>, probes: HashMap<GeometryId, Probe> },
+}
+
+type Ends = Vec<Result<(GeometryId, Geodesic), String>>;
+
+impl Engine {
+    fn new(args: &GeodesicArgs) -> Result<Self, Failure> {
+        let device = match (args.backend, args.precision) {
+            (None | Some(BackendChoice::Auto), Some(Precision::F32)) => true,
+            (None | Some(BackendChoice::Auto | BackendChoice::Cpu), Some(Precision::F64) | None) => false,
+            (Some(BackendChoice::Compute), None | Some(Precision::F32)) => true,
+            (Some(BackendChoice::Cpu), Some(Precision::F32)) => {
+                return Err(Failure::refused(anyhow!("the cpu computes in f64: for f32 use --backend compute")));
+            }
+            (Some(BackendChoice::Compute), Some(Precision::F64)) => {
+                return Err(Failure::refused(anyhow!("the device computes in f32: for f64 use --backend cpu")));
+            }
+        };
+        if !device {
+            return Ok(Self::Cpu);
+        }
+        let context = Context::new(&ContextOptions::from_env().map_err(Failure::refused)?).map_err(Failure::failed)?;
+        Ok(Self::Device { context, probes: HashMap::new() })
+    }
+
+    /// Ends of all jobs; lines that were refused before stay refused.
+    fn flow(&mut self, jobs: Vec<Result<Job, String>>) -> Result<Ends, Failure> {
+        match self {
+            Self::Cpu => Ok(jobs.into_iter().map(|job| job.and_then(flow_on_cpu)).collect()),
+            Self::Device { context, probes } => flow_on_device(context, probes, jobs),
+        }
+    }
+}
+
+fn flow_on_cpu(job: Job) -> Result<(GeometryId, Geodesic), String> {
+    struct Flow(Job);
+    impl Visitor for Flow {
+        type Output = Geodesic;
+        fn visit<G: Geometry>(self, geometry: G) -> Geodesic {
+            geometry.flow(self.0.start, self.0.length)
+        }
+    }
+    in_range(job, visit(job.geometry, Flow(job)), "f64")
+}
+
+fn in_range(job: Job, end: Geodesic, precision: &'static str) -> Result<(GeometryId, Geodesic), String> {
+    if end.point.is_finite() && end.velocity.is_finite() {
+        Ok((job.geometry, end))
+    } else {
+        let error = GeometryError::OutOfRange { length: job.length, precision, geometry: job.geometry.name() };
+        Err(error.to_string())
+    }
+}
+
+fn flow_on_device(
+    context: &Arc<Context>,
+    probes: &mut HashMap<GeometryId, Probe>,
+    jobs: Vec<Result<Job, String>>,
+) -> Result<Ends, Failure> {
+    let mut ends: Ends =
+        jobs.iter().map(|job| job.as_ref().map(|j| (j.geometry, j.start)).map_err(Clone::clone)).collect();
+    let mut by_geometry: HashMap<GeometryId, Vec<(usize, Job)>> = HashMap::new();
+    for (index, job) in jobs.into_iter().enumerate() {
+        if let Ok(job) = job {
+            by_geometry.entry(job.geometry).or_default().push((index, job));
+        }
+    }
+    for (id, jobs) in by_geometry {
+        let probe = match probes.entry(id) {
+            std::collections::hash_map::Entry::Occupied(entry) => entry.into_mut(),
+            std::collections::hash_map::Entry::Vacant(entry) => {
+                entry.insert(Probe::new(context, id).map_err(Failure::failed)?)
+            }
+        };
+        let single = |v: DVec4| v.as_vec4().to_array();
+        let inputs: Vec<ProbeIn> = jobs
+            .iter()
+            .map(|(_, job)| ProbeIn {
+                a: single(job.start.point),
+                b: single(job.start.velocity),
+                t: job.length as f32,
+                op: PROBE_FLOW,
+                ..Default::default()
+            })
+            .collect();
+        let outputs = probe.run(&inputs).map_err(Failure::failed)?;
+        for (((index, job), input), output) in jobs.into_iter().zip(&inputs).zip(outputs) {
+            let double = |v: [f32; 4]| Vec4::from(v).as_dvec4();
+            let end = Geodesic { point: double(output.a), velocity: double(output.b) };
+            let representable = input.t.is_finite() && input.a.iter().chain(&input.b).all(|x| x.is_finite());
+            let end = if representable { end } else { Geodesic { point: DVec4::INFINITY, ..end } };
+            ends[index] = in_range(job, end, "f32");
+        }
+    }
+    Ok(ends)
+}

@@ -1,0 +1,335 @@
+//! The command line: one registry of options (the structures below, from which parser, checks and help follow), a
+//! module per command.
+//!
+//! Exit codes: 0 done, 1 refused input, 2 failed. Errors are one line on stderr; `--json` alone goes to stdout.
+
+mod batch;
+mod check;
+mod devices;
+mod geodesic;
+mod output;
+mod render;
+mod transport;
+
+use crate::{
+    geometry::GEOMETRIES,
+    render::plan::Feature,
+    scene::{MAX_BOUNCES, Shading},
+};
+use clap::{
+    Args, Parser, Subcommand, ValueEnum,
+    builder::{PossibleValuesParser, TypedValueParser},
+    error::ErrorKind,
+};
+use std::{ffi::OsString, fmt, io, path::PathBuf, process::ExitCode};
+
+/// Why a command ended without doing its work.
+#[derive(Debug)]
+pub enum Failure {
+    /// The input was refused: exit code 1.
+    Refused(anyhow::Error),
+    /// The machine failed: exit code 2.
+    Failed(anyhow::Error),
+}
+
+impl Failure {
+    fn refused(error: impl Into<anyhow::Error>) -> Self {
+        Self::Refused(error.into())
+    }
+
+    fn failed(error: impl Into<anyhow::Error>) -> Self {
+        Self::Failed(error.into())
+    }
+
+    /// 1 for refused input, 2 for a failure.
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Refused(_) => ExitCode::from(1),
+            Self::Failed(_) => ExitCode::from(2),
+        }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (Self::Refused(error) | Self::Failed(error)) = self;
+        // The chain of causes on one line, whatever they contain.
+        let text = format!("{error:#}");
+        f.write_str(text.lines().map(str::trim).collect::<Vec<_>>().join(" ").trim())
+    }
+}
+
+type Outcome = Result<(), Failure>;
+
+/// Inside views of Thurston's geometries and their quotients, by ray tracing.
+#[derive(Parser)]
+#[command(name = "holonomy", version, about, max_term_width = 110)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Render one picture of a scene.
+    Render(RenderArgs),
+    /// Prove that a space's gluing is a manifold or an orbifold.
+    Check(CheckArgs),
+    /// List Vulkan devices, what each can run and what it lacks.
+    Devices(DevicesArgs),
+    /// Compute the end of a geodesic in a model geometry.
+    Geodesic(GeodesicArgs),
+    /// Follow a geodesic, or a pixel's ray, through the faces of a space.
+    Transport(TransportArgs),
+}
+
+/// Which backend draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum BackendChoice {
+    /// The fastest that this machine has; says which and why.
+    Auto,
+    /// Vulkan compute.
+    Compute,
+    /// The CPU in f64.
+    Cpu,
+}
+
+/// How geodesics are integrated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Integrator {
+    /// The geometry's own flow.
+    Exact,
+}
+
+/// Number format of a computation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Precision {
+    /// Single: what the device computes in.
+    F32,
+    /// Double: what the cpu computes in.
+    F64,
+}
+
+const SCENE_HELP: &str = "A TOML scene file, or the name of a shipped scene or catalogue space";
+
+#[derive(Args)]
+struct RenderArgs {
+    #[arg(help = SCENE_HELP)]
+    scene: String,
+    /// Picture to write: .png (sRGB) or .exr (linear, or the raw values of --shading).
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Which backend draws.
+    #[arg(long, value_enum, default_value = "auto")]
+    backend: BackendChoice,
+    /// Size of the picture (of each eye's with --stereo) in pixels.
+    #[arg(long, value_name = "WxH", default_value = "1024x768", value_parser = parse_size)]
+    size: [u32; 2],
+    /// Largest number of face passages of a ray, instead of the scene's.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MAX_BOUNCES as i64))]
+    bounces: Option<u32>,
+    /// How geodesics are integrated.
+    #[arg(long, value_enum, default_value = "exact")]
+    integrator: Integrator,
+    /// Largest deviation of a chord from its geodesic, as a share of a pixel, instead of the scene's.
+    #[arg(long, value_name = "E", value_parser = parse_positive)]
+    tolerance: Option<f64>,
+    /// Both eyes side by side, left eye left.
+    #[arg(long)]
+    stereo: bool,
+    /// Samples per pixel; with 1 the pixel's centre.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    samples: u32,
+    /// What the picture shows, instead of the scene's.
+    #[arg(long, value_name = "NAME", value_parser = shading_parser())]
+    shading: Option<Shading>,
+    /// Count work and write what was used, what was left out and what it cost.
+    #[arg(long, value_name = "FILE.json")]
+    stats: Option<PathBuf>,
+    /// Turns the pattern of several samples.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Keep a feature in that the scene does not need, to measure what leaving it out saves. Repeatable.
+    #[arg(long, value_name = "FEATURE", value_parser = feature_parser())]
+    keep: Vec<Feature>,
+}
+
+#[derive(Args)]
+struct CheckArgs {
+    /// A catalogue space, a TOML scene file, or a gluing file (.json).
+    scene: String,
+    /// Print the report as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Args)]
+struct DevicesArgs {
+    /// Print the list as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Where a geodesic starts and how long it is.
+#[derive(Args)]
+struct GeodesicStart {
+    /// Start point in the geometry's coordinates.
+    #[arg(long, value_name = "X,Y,..", allow_hyphen_values = true, value_parser = parse_vector)]
+    from: Option<Vector>,
+    /// Direction in the geometry's components; any scale.
+    #[arg(long, value_name = "U,V,..", allow_hyphen_values = true, value_parser = parse_vector)]
+    direction: Option<Vector>,
+    /// Arc length, may be negative.
+    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = parse_finite)]
+    length: Option<f64>,
+    /// Read one JSON object per line from FILE (- is stdin) and write one line each.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["from", "direction", "length"])]
+    batch: Option<PathBuf>,
+}
+
+#[derive(Args)]
+struct GeodesicArgs {
+    /// Model geometry.
+    #[arg(long, value_name = "G", value_parser = PossibleValuesParser::new(GEOMETRIES.iter().map(|e| e.name)))]
+    geometry: Option<String>,
+    #[command(flatten)]
+    start: GeodesicStart,
+    /// Number format; follows the backend if not given.
+    #[arg(long, value_enum)]
+    precision: Option<Precision>,
+    /// How geodesics are integrated.
+    #[arg(long, value_enum, default_value = "exact")]
+    integrator: Integrator,
+    /// cpu computes in f64, compute in f32 with the shader's own function on the device.
+    #[arg(long, value_enum)]
+    backend: Option<BackendChoice>,
+    /// Print the result as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Args)]
+struct TransportArgs {
+    #[arg(help = SCENE_HELP)]
+    scene: String,
+    #[command(flatten)]
+    start: GeodesicStart,
+    /// Cell of the start point.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    cell: usize,
+    /// Follow this pixel's ray instead, and list what it meets.
+    #[arg(long, value_name = "X,Y", value_parser = parse_pixel, conflicts_with_all = ["from", "direction", "length", "batch"])]
+    pixel: Option<[u32; 2]>,
+    /// Size of the picture that --pixel belongs to.
+    #[arg(long, value_name = "WxH", default_value = "1024x768", value_parser = parse_size)]
+    size: [u32; 2],
+    /// Largest number of face passages of the pixel's ray, instead of the scene's.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MAX_BOUNCES as i64))]
+    bounces: Option<u32>,
+    /// Results are always JSON; accepted for symmetry with the other commands.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Numbers given on the command line: 3 or 4 of them.
+type Vector = Vec<f64>;
+
+/// Parses and runs one command.
+///
+/// # Errors
+/// [`Failure`], whose text is one line.
+pub fn run(args: impl IntoIterator<Item = OsString>) -> Outcome {
+    let cli = match Cli::try_parse_from(args) {
+        Ok(cli) => cli,
+        Err(error) if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
+            print_ignoring_closed_pipe(&error.render().ansi().to_string());
+            return Ok(());
+        }
+        Err(error) => return Err(Failure::Refused(anyhow::Error::msg(usage_error(&error)))),
+    };
+    match cli.command {
+        Command::Render(args) => render::run(&args),
+        Command::Check(args) => check::run(&args),
+        Command::Devices(args) => devices::run(&args),
+        Command::Geodesic(args) => geodesic::run(&args),
+        Command::Transport(args) => transport::run(&args),
+    }
+}
+
+/// clap's message without its usage block, on one line.
+fn usage_error(error: &clap::Error) -> String {
+    let text = error.render().to_string();
+    let lines: Vec<&str> = text.lines().map(str::trim).take_while(|line| !line.starts_with("Usage:")).collect();
+    let message = lines.iter().filter(|line| !line.is_empty()).copied().collect::<Vec<_>>().join(" ");
+    message.strip_prefix("error: ").unwrap_or(&message).to_owned()
+}
+
+/// Prints to stdout. A reader that has gone away (a pager that was quit) is no error.
+fn print_ignoring_closed_pipe(text: &str) {
+    use io::Write;
+    let _ = io::stdout().lock().write_all(text.as_bytes());
+}
+
+/// Writes one line to stdout; a closed pipe ends the program's work in peace.
+fn print_line(out: &mut impl io::Write, line: &str) -> Result<bool, Failure> {
+    match writeln!(out, "{line}") {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(false),
+        Err(error) => Err(Failure::failed(anyhow::Error::new(error).context("standard output"))),
+    }
+}
+
+/// Largest side of a picture.
+const MAX_SIDE: u32 = 16_384;
+
+fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let form = || format!("expected WIDTHxHEIGHT with sides from 1 to {MAX_SIDE}, such as 1024x768");
+    let (width, height) = text.split_once(['x', 'X']).ok_or_else(form)?;
+    let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side)).ok_or_else(form);
+    Ok([side(width)?, side(height)?])
+}
+
+fn parse_pixel(text: &str) -> Result<[u32; 2], String> {
+    let form = || String::from("expected COLUMN,ROW, such as 320,200");
+    let (x, y) = text.split_once(',').ok_or_else(form)?;
+    let number = |text: &str| text.trim().parse::<u32>().map_err(|_| form());
+    Ok([number(x)?, number(y)?])
+}
+
+fn parse_finite(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(number) if number.is_finite() => Ok(number),
+        Ok(_) => Err(String::from("the number must be finite")),
+        Err(_) => Err(String::from("expected a number")),
+    }
+}
+
+fn parse_positive(text: &str) -> Result<f64, String> {
+    parse_finite(text).and_then(|x| if x > 0.0 { Ok(x) } else { Err(String::from("the number must be positive")) })
+}
+
+fn parse_vector(text: &str) -> Result<Vector, String> {
+    let numbers = text.split(',').map(parse_finite).collect::<Result<Vec<_>, _>>()?;
+    if (3..=4).contains(&numbers.len()) {
+        Ok(numbers)
+    } else {
+        Err(format!("expected 3 or 4 numbers separated by commas, found {}", numbers.len()))
+    }
+}
+
+fn shading_parser() -> impl TypedValueParser<Value = Shading> {
+    named_parser(Shading::NAMES)
+}
+
+fn feature_parser() -> impl TypedValueParser<Value = Feature> {
+    named_parser(Feature::NAMES)
+}
+
+/// A parser for one of a list of names.
+fn named_parser<T: Copy + Send + Sync + 'static>(
+    names: &'static [(&'static str, T)],
+) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(names.iter().map(|(name, _)| *name)).try_map(move |given| {
+        names.iter().find(|(name, _)| *name == given).map(|(_, value)| *value).ok_or("unknown name")
+    })
+}

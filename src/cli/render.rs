@@ -1,0 +1,254 @@
+//! `holonomy render`: one picture of a scene.
+
+use super::{
+    BackendChoice, Failure, Integrator, Outcome, RenderArgs,
+    output::{PendingFile, PictureFormat, encode, picture_format},
+};
+use crate::{
+    geometry::{Geometry, Visitor, visit},
+    render::{
+        Backend, RenderError, Shot, Stats, Target, auto,
+        compute::ComputeBackend,
+        cpu::CpuBackend,
+        plan::{Feature, Plan},
+        world::World,
+    },
+    scene::{Scene, file},
+    shader_io as io,
+    space::{domain::Domain, observer::Frame, reduce::reduce_frame},
+    vulkan::{Context, ContextOptions},
+};
+use anyhow::anyhow;
+use glam::DVec3;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde_json::{Value, json};
+use std::{
+    io::IsTerminal,
+    sync::{Arc, OnceLock},
+    time::{Duration, Instant},
+};
+
+pub(super) fn run(args: &RenderArgs) -> Outcome {
+    let Integrator::Exact = args.integrator;
+    let format = picture_format(&args.output)?;
+    let started = Instant::now();
+    let mut scene = file::load(&args.scene).map_err(Failure::refused)?;
+    scene.settings.bounces = args.bounces.unwrap_or(scene.settings.bounces);
+    scene.settings.tolerance = args.tolerance.unwrap_or(scene.settings.tolerance);
+    scene.settings.shading = args.shading.unwrap_or(scene.settings.shading);
+    let raw = scene.settings.shading.is_raw();
+    if raw && args.samples > 1 {
+        return Err(Failure::refused(anyhow!("--samples {}: raw values have no meaningful mean, use 1", args.samples)));
+    }
+    // Nothing is computed whose result could not be written.
+    let picture = PendingFile::create(&args.output)?;
+    let stats_file = args.stats.as_deref().map(PendingFile::create).transpose()?;
+
+    let plan = Plan::new(&scene, stats_file.is_some()).keep(&args.keep);
+    let (mut backend, reason) = backend_for(args.backend, &plan)?;
+    eprintln!("{reason}");
+    let world = Arc::new(World::new(&scene, &plan, scene.observer.frame).map_err(Failure::refused)?);
+    let loading = Instant::now();
+    backend.load(&world).map_err(render_failure)?;
+    let load_time = loading.elapsed();
+
+    let eyes = if args.stereo { stereo_eyes(&scene)? } else { vec![scene.observer.frame] };
+    let mut target = Target::new([args.size[0] * eyes.len() as u32, args.size[1]]);
+    let mut sum = Stats::default();
+    let progress = Progress::new();
+    for (index, eye) in eyes.iter().enumerate() {
+        let shot =
+            Shot { samples: args.samples, seed: args.seed, ..Shot::symmetric(*eye, scene.observer.fov, args.size) };
+        let mut view = Target::new(args.size);
+        let share = |done: f64| progress.set((index as f64 + done) / eyes.len() as f64);
+        let stats = backend.render(&shot, &mut view, &share).map_err(render_failure)?;
+        add(&mut sum, &stats);
+        paste(&mut target, &view, args.size[0] * index as u32);
+    }
+    progress.finish();
+
+    if let Some(file) = stats_file {
+        let times = Times { prepare: loading - started, load: load_time };
+        let value = stats_json(args, &scene, &*backend, &plan, &world, &sum, eyes.len(), &times);
+        let text = serde_json::to_string_pretty(&value).map_err(Failure::failed)?;
+        file.finish(text.as_bytes())?;
+    }
+    picture.finish(&encode(&target, format, raw && format == PictureFormat::Png)?)
+}
+
+/// The backend that the user chose, ready for the plan.
+fn backend_for(choice: BackendChoice, plan: &Plan) -> Result<(Box<dyn Backend>, String), Failure> {
+    let (backend, reason): (Box<dyn Backend>, _) = match choice {
+        BackendChoice::Auto => {
+            let chosen = auto::choose(plan).map_err(Failure::failed)?;
+            (chosen.backend, chosen.reason)
+        }
+        BackendChoice::Cpu => (Box::new(CpuBackend::default()), String::from("backend cpu: asked for")),
+        BackendChoice::Compute => {
+            let options = ContextOptions::from_env().map_err(Failure::failed)?;
+            let context = Context::new(&options).map_err(Failure::failed)?;
+            let backend = ComputeBackend::new(&context).map_err(Failure::failed)?;
+            let reason = format!("backend compute: {} (asked for)", backend.device());
+            (Box::new(backend), reason)
+        }
+    };
+    backend.check(plan).map_err(|missing| Failure::failed(anyhow!("{} lacks {missing}", backend.device())))?;
+    Ok((backend, reason))
+}
+
+fn render_failure(error: RenderError) -> Failure {
+    match error {
+        RenderError::TooLarge { .. } => Failure::refused(error),
+        RenderError::NothingLoaded | RenderError::Vulkan(_) => Failure::failed(error),
+    }
+}
+
+/// Left and right eye: half of their distance along the observer's right axis, by parallel transport.
+fn stereo_eyes(scene: &Scene) -> Result<Vec<Frame>, Failure> {
+    struct Eyes<'a>(&'a Scene);
+    impl Visitor for Eyes<'_> {
+        type Output = Option<Vec<Frame>>;
+        fn visit<G: Geometry>(self, geometry: G) -> Self::Output {
+            let domain = Domain::new(&self.0.space);
+            let observer = &self.0.observer;
+            let eye = |side: f64| {
+                let step = DVec3::X * (0.5 * side * observer.eye_distance);
+                reduce_frame(geometry, &domain, observer.frame.moved(geometry, step))
+            };
+            [-1.0, 1.0].into_iter().map(eye).collect()
+        }
+    }
+    visit(scene.space.geometry, Eyes(scene))
+        .ok_or_else(|| Failure::refused(anyhow!("an eye has no place in the domain")))
+}
+
+fn paste(target: &mut Target, view: &Target, left: u32) {
+    let (width, left) = (view.width as usize, left as usize);
+    for (row, line) in view.pixels.chunks(width).enumerate() {
+        let start = row * target.width as usize + left;
+        target.pixels[start..start + width].copy_from_slice(line);
+    }
+}
+
+fn add(sum: &mut Stats, stats: &Stats) {
+    sum.counts.iter_mut().zip(stats.counts).for_each(|(s, n)| *s += n);
+    sum.trace_time += stats.trace_time;
+    sum.wall_time += stats.wall_time;
+    sum.memory = sum.memory.max(stats.memory);
+    sum.dispatches += stats.dispatches;
+}
+
+struct Times {
+    prepare: Duration,
+    load: Duration,
+}
+
+/// The content of the `--stats` file.
+#[allow(clippy::too_many_arguments)]
+fn stats_json(
+    args: &RenderArgs,
+    scene: &Scene,
+    backend: &dyn Backend,
+    plan: &Plan,
+    world: &World,
+    stats: &Stats,
+    eyes: usize,
+    times: &Times,
+) -> Value {
+    let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
+    let count = |index: u32| stats.counts[index as usize];
+    let named = [
+        ("rays", io::COUNT_RAYS),
+        ("segments", io::COUNT_SEGMENTS),
+        ("bounces", io::COUNT_BOUNCES),
+        ("hits", io::COUNT_HITS),
+        ("nodes", io::COUNT_NODES),
+        ("triangle_tests", io::COUNT_TRIANGLES),
+        ("quadric_tests", io::COUNT_QUADRICS),
+        ("shadow_rays", io::COUNT_SHADOW_RAYS),
+        ("shadow_segments", io::COUNT_SHADOW_SEGMENTS),
+        ("lost", io::COUNT_LOST),
+    ];
+    let pixels = f64::from(args.size[0]) * f64::from(args.size[1]) * eyes as f64;
+    let counts: serde_json::Map<_, _> = named.iter().map(|(name, i)| ((*name).to_owned(), json!(count(*i)))).collect();
+    let per_pixel: serde_json::Map<_, _> =
+        named.iter().map(|(name, i)| ((*name).to_owned(), json!(count(*i) as f64 / pixels))).collect();
+    let features = |wanted: fn(&crate::render::plan::Decision) -> bool| -> Vec<Value> {
+        let chosen = plan.decisions.iter().filter(|d| wanted(d));
+        chosen.map(|d| json!({ "feature": d.feature.name(), "because": d.reason })).collect()
+    };
+    let segments = count(io::COUNT_SEGMENTS) + count(io::COUNT_SHADOW_SEGMENTS);
+    json!({
+        "schema": 1,
+        "scene": scene.name,
+        "space": scene.space.name,
+        "geometry": scene.space.geometry.name(),
+        "backend": backend.name(),
+        "device": backend.device(),
+        "size": args.size,
+        "eyes": eyes,
+        "samples": args.samples,
+        "bounces": scene.settings.bounces,
+        "used": features(|d| d.needed),
+        "left_out": features(|d| !d.needed && !d.kept),
+        "kept_in": features(|d| d.kept),
+        "content": {
+            "triangles": world.triangles.len(),
+            "quadrics": world.quadrics.len(),
+            "nodes": world.nodes.len(),
+            "light_images": world.lights.len(),
+            "texels": world.textures.iter().map(|t| t.texels.len()).sum::<usize>(),
+            "faces": world.domain.faces.len(),
+        },
+        "counts": counts,
+        "per_pixel": per_pixel,
+        "memory_bytes": stats.memory,
+        "dispatches": stats.dispatches,
+        "time_ms": {
+            "prepare": milliseconds(times.prepare),
+            "load": milliseconds(times.load),
+            "trace": milliseconds(stats.trace_time),
+            "wall": milliseconds(stats.wall_time),
+        },
+        "ns_per_segment": if plan.uses(Feature::Counters) && segments > 0 {
+            json!(stats.trace_time.as_secs_f64() * 1e9 / segments as f64)
+        } else {
+            Value::Null
+        },
+    })
+}
+
+/// A bar on stderr, only on a terminal and only for work that takes longer than a second.
+struct Progress {
+    started: Instant,
+    shown: bool,
+    bar: OnceLock<ProgressBar>,
+}
+
+impl Progress {
+    const STEPS: u64 = 1000;
+
+    fn new() -> Self {
+        Self { started: Instant::now(), shown: std::io::stderr().is_terminal(), bar: OnceLock::new() }
+    }
+
+    fn set(&self, share: f64) {
+        if !self.shown || (self.started.elapsed() < Duration::from_secs(1) && self.bar.get().is_none()) {
+            return;
+        }
+        let bar = self.bar.get_or_init(|| {
+            let bar = ProgressBar::with_draw_target(Some(Self::STEPS), ProgressDrawTarget::stderr());
+            if let Ok(style) = ProgressStyle::with_template("{wide_bar} {percent:>3} %, {eta} left") {
+                bar.set_style(style);
+            }
+            bar
+        });
+        bar.set_position((share * Self::STEPS as f64) as u64);
+    }
+
+    fn finish(&self) {
+        if let Some(bar) = self.bar.get() {
+            bar.finish_and_clear();
+        }
+    }
+}
