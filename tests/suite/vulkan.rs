@@ -18,7 +18,8 @@ use holonomy::{
         world::{World, WorldCell},
     },
     scene::{
-        Material, Mesh, Object, Observer, Place, PointLight, Scene, Settings, Shading, Shape, Texture, Vertex, Wrap,
+        Material, Mesh, Object, Observer, Place, PointLight, Scene, Settings, Shading, Shape, Spot, Texture, Vertex,
+        Wrap,
     },
     shader_io::{self as io, ProbeIn, ProbeOut},
     space::{domain::Domain, observer::Frame},
@@ -505,7 +506,7 @@ fn rich_scene(space: &str) -> Scene {
     let masked = Material { base_texture: Some(0), alpha_cutoff: Some(0.5), ..Material::plain("masked", [1.0; 3]) };
     let object =
         |name: &str, shape, place, material| Object { name: name.to_owned(), shape, place, scale: 1.0, material };
-    let light = |place: Frame, spot: Option<(DVec4, f64)>| PointLight {
+    let light = |place: Frame, spot: Option<Spot>| PointLight {
         cell: 0,
         point: place.point,
         color: [1.0, 0.9, 0.8],
@@ -517,7 +518,10 @@ fn rich_scene(space: &str) -> Scene {
     Scene {
         name: "rich".to_owned(),
         observer: Observer { frame: at(0.05, 0.02, 0.3), fov: 80.0, eye_distance: 0.06 },
-        lights: vec![light(at(0.1, -0.2, 0.2), None), light(lamp, Some((-lamp.axes[1], 0.5)))],
+        lights: vec![
+            light(at(0.1, -0.2, 0.2), None),
+            light(lamp, Some(Spot { direction: -lamp.axes[1], cos_angle: 0.5 })),
+        ],
         materials: vec![Material::plain("red", [0.8, 0.1, 0.1]), masked],
         textures: vec![texture],
         meshes: vec![mesh],

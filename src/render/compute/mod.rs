@@ -25,9 +25,10 @@ use crate::{
     shader_io::{self, Dispatch, View, binding},
     vulkan::{
         Context, Tier, VulkanError,
-        command::{Access, Submitter},
+        command::Submitter,
         descriptor::{Bound, BufferSet},
         memory::{Buffer, Direction, HostBuffer},
+        record::Access,
         shader::{ComputePipeline, ComputeShader},
     },
 };

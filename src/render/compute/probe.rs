@@ -7,9 +7,10 @@ use crate::{
     shader_io::{PROBE_GROUP, ProbeIn, ProbeOut, binding},
     vulkan::{
         Context, VulkanError,
-        command::{Access, Submitter},
+        command::Submitter,
         descriptor::{Bound, BufferSet},
         memory::{Buffer, Direction, HostBuffer},
+        record::Access,
         shader::{ComputePipeline, ComputeShader},
     },
 };
