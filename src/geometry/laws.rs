@@ -7,7 +7,7 @@
 
 mod sample;
 
-use super::{Geodesic, Geometry, Isometry, exponential, orthonormalise, plane_side};
+use super::{Geodesic, Geometry, Isometry, exponential, orthonormalise};
 use glam::{DMat3, DVec3, DVec4, Vec4Swizzles};
 
 pub use sample::{Sample, samples};
@@ -306,7 +306,7 @@ fn exit_is_first<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let plane = s.conormal.extend(-s.conormal.dot(geometry.chart(s.start.point)) - 0.4 * s.length);
     let exit = geometry.exit(s.start, plane);
     let far = geometry.parameter_at(s.start, 0.6);
-    let side = |u: f64| plane_side(plane, geometry.advance(s.start, u).point);
+    let side = |u: f64| geometry.side(geometry.advance(s.start, u).point, plane);
     let inside_until = |end: f64| worst((0..32).map(|k| side(end * f64::from(k) / 32.0).max(0.0)));
     if exit > far {
         return inside_until(far);
@@ -359,7 +359,7 @@ fn bisector_is_equidistant<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let away = frame[0] * s.conormal.x + frame[1] * s.conormal.y + frame[2] * s.conormal.z;
     let image = exponential(geometry, base, away * (s.length + 0.1));
     let Some(plane) = geometry.bisector(image) else { return 0.0 };
-    let inside = promise(plane_side(plane, base) < 0.0 && plane_side(plane, image) > 0.0);
+    let inside = promise(geometry.side(base, plane) < 0.0 && geometry.side(image, plane) > 0.0);
     // The geodesic between them crosses in the middle; other points of the plane are found around that.
     let normal = plane.xyz() / plane.xyz().length_squared();
     let foot = normal * -plane.w;

@@ -32,7 +32,7 @@ pub use dirichlet::DirichletError;
 const MAX_BYTES: u64 = 16 << 20;
 
 /// Why a gluing file is refused. Every message is one line and begins with the file's name.
-#[derive(Debug, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GluingError {
     /// The file cannot be read.
     #[error("{name}: {reason}")]

@@ -126,6 +126,7 @@ const FUNCTIONS: &[&str] = &[
     "length",
     "parameter_at",
     "advance",
+    "side",
     "exit",
     "chord",
     "parameter",
@@ -221,6 +222,9 @@ impl<G: Geometry> Geometry for Spoilt<G> {
     }
     fn advance(&self, g: Geodesic, u: f64) -> Geodesic {
         self.geodesic("advance", self.geometry.advance(g, u))
+    }
+    fn side(&self, p: DVec4, plane: DVec4) -> f64 {
+        self.scalar("side", self.geometry.side(p, plane))
     }
     fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
         self.scalar("exit", self.geometry.exit(g, plane))

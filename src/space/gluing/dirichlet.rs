@@ -8,7 +8,7 @@
 //! theorem, proves that the polyhedron is the domain of exactly this group: elements that move the base point
 //! farther than twice the circumradius could not reach it, and none of the nearer ones is missing.
 
-use crate::geometry::{Geometry, GeometryId, Isometry, Visitor, plane_side, visit};
+use crate::geometry::{Geometry, GeometryId, Isometry, Visitor, visit};
 use crate::space::check::{TOLERANCE, deviation, image, largest, within};
 use crate::space::polyhedron::{Polyhedron, PolyhedronError};
 use crate::space::{Cell, Face, FaceId};
@@ -325,7 +325,7 @@ impl<G: Geometry> Search<G> {
         for _ in 0..MAX_STEPS {
             let moved = image(self.geometry, &isometry, self.geometry.base());
             let limit = NO_MOVE * moved.abs().max_element();
-            let side = |e: &Element| e.plane.map_or(f64::NEG_INFINITY, |plane| plane_side(plane, moved));
+            let side = |e: &Element| e.plane.map_or(f64::NEG_INFINITY, |plane| self.geometry.side(moved, plane));
             let farthest = faces.iter().max_by(|a, b| side(a).total_cmp(&side(b)));
             match farthest.filter(|e| side(e) > limit) {
                 Some(face) => isometry = self.geometry.compose(&self.geometry.inverse(&face.isometry), &isometry),
