@@ -7,7 +7,7 @@ mod batch;
 mod check;
 mod devices;
 mod geodesic;
-mod output;
+pub mod output;
 mod render;
 mod transport;
 

@@ -1,7 +1,7 @@
 //! The named spaces, computed from formulas.
 //!
 //! Regular cells are given by their face normals and one dihedral angle. With the planes `(c n, −s)` of
-//! [`regular_faces`] and α the angle of two neighbouring normals, the dihedral angle δ satisfies
+//! `regular_faces` and α the angle of two neighbouring normals, the dihedral angle δ satisfies
 //! c² = (1 + cos δ) / (1 − cos α), where c is cos r in the sphere and cosh r in hyperbolic space, r the inradius:
 //! one formula for both, from ⟨Pᵢ, Pⱼ⟩ = −cos δ with the form diag(1, 1, 1, κ) and ⟨Pᵢ, Pᵢ⟩ = 1.
 

@@ -7,8 +7,8 @@
 //! characteristic and the first homology; the volume is a quadrature of the metric's density.
 //!
 //! Gluings here are face to face. Where a face is glued to several others, as in the usual domains of the
-//! geometries with sheared lattices, only [`faces::pairings`] applies, and faces must be split along the images
-//! of edges before [`faces::corner_images`] and [`cycles`] have a meaning.
+//! geometries with sheared lattices, only `faces::pairings` applies, and faces must be split along the images
+//! of edges before `faces::corner_images` and `cycles` have a meaning.
 
 mod cycles;
 mod error;
@@ -165,7 +165,7 @@ fn check_in<G: Geometry>(geometry: G, space: &Space) -> Result<Report, CheckErro
 }
 
 /// Image of a point.
-fn image<G: Geometry>(geometry: G, m: &Isometry, p: DVec4) -> DVec4 {
+pub(super) fn image<G: Geometry>(geometry: G, m: &Isometry, p: DVec4) -> DVec4 {
     geometry.apply(m, Geodesic { point: p, velocity: geometry.frame(p)[0] }).point
 }
 
@@ -196,6 +196,6 @@ fn keeps_orientation<G: Geometry>(geometry: G, m: &Isometry) -> bool {
 }
 
 /// Whether a residual is small enough; one that is not a number never is.
-fn within(residual: f64, limit: f64) -> bool {
+pub(super) fn within(residual: f64, limit: f64) -> bool {
     residual <= limit
 }

@@ -1,19 +1,12 @@
-//! Recording, submission and waiting.
+//! Submission and waiting.
 //!
 //! A [`Submitter`] owns one command buffer and uses it again and again: record, submit, wait. Nothing runs on
 //! the device when [`Submitter::submit`] has returned, and everything that a submission uses is borrowed until
 //! then, which is what makes the rest of the wrappers safe.
 
-use super::{
-    Context, VulkanError,
-    descriptor::BufferSet,
-    memory::{Buffer, HostBuffer, check_range},
-    shader::ComputePipeline,
-};
+use super::{Context, VulkanError, record::Recorder};
 use ash::vk;
-use bytemuck::Pod;
 use std::{
-    marker::PhantomData,
     sync::Arc,
     time::{Duration, Instant},
 };
@@ -119,8 +112,7 @@ impl Submitter {
                 device.cmd_write_timestamp(self.commands, vk::PipelineStageFlags::TOP_OF_PIPE, self.queries, 0);
             }
         }
-        let mut recorder = Recorder { context: context.clone(), commands: self.commands, borrowed: PhantomData };
-        record(&mut recorder)?;
+        record(&mut Recorder::new(&context, self.commands))?;
         if timed {
             // SAFETY: as above.
             unsafe {
@@ -198,172 +190,6 @@ impl Drop for Submitter {
             device.destroy_query_pool(self.queries, None);
             device.destroy_fence(self.fence, None);
             device.destroy_command_pool(self.pool, None);
-        }
-    }
-}
-
-/// Commands between begin and end. What they use is borrowed for `'a`, which outlasts the submission.
-pub struct Recorder<'a> {
-    context: Arc<Context>,
-    commands: vk::CommandBuffer,
-    borrowed: PhantomData<&'a Buffer>,
-}
-
-impl std::fmt::Debug for Recorder<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Recorder").finish_non_exhaustive()
-    }
-}
-
-/// Who touches memory before or after a barrier.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Access {
-    /// Compute shaders, reading and writing.
-    Compute,
-    /// Copies and fills.
-    Transfer,
-    /// The host, after the submission.
-    Host,
-}
-
-impl Access {
-    fn source(self) -> (vk::PipelineStageFlags, vk::AccessFlags) {
-        match self {
-            Self::Compute => (vk::PipelineStageFlags::COMPUTE_SHADER, vk::AccessFlags::SHADER_WRITE),
-            Self::Transfer => (vk::PipelineStageFlags::TRANSFER, vk::AccessFlags::TRANSFER_WRITE),
-            Self::Host => (vk::PipelineStageFlags::HOST, vk::AccessFlags::HOST_WRITE),
-        }
-    }
-
-    fn destination(self) -> (vk::PipelineStageFlags, vk::AccessFlags) {
-        let (stage, write) = self.source();
-        let read = match self {
-            Self::Compute => vk::AccessFlags::SHADER_READ,
-            Self::Transfer => vk::AccessFlags::TRANSFER_READ,
-            Self::Host => return (stage, vk::AccessFlags::HOST_READ),
-        };
-        (stage, read | write)
-    }
-}
-
-impl<'a> Recorder<'a> {
-    /// Everything before is finished and visible to everything after, as far as these accesses go.
-    pub fn barrier(&mut self, before: &[Access], after: &[Access]) {
-        if self.context.faults().omits_barriers() {
-            return;
-        }
-        let join = |all: &[Access], part: fn(Access) -> (vk::PipelineStageFlags, vk::AccessFlags)| {
-            all.iter()
-                .map(|a| part(*a))
-                .fold(Default::default(), |(s, m): (vk::PipelineStageFlags, _), (stage, mask)| (s | stage, m | mask))
-        };
-        let (from_stage, from_access) = join(before, Access::source);
-        let (to_stage, to_access) = join(after, Access::destination);
-        let memory = [vk::MemoryBarrier::default().src_access_mask(from_access).dst_access_mask(to_access)];
-        // SAFETY: here and below the command buffer is recording.
-        unsafe {
-            self.context.raw().cmd_pipeline_barrier(
-                self.commands,
-                from_stage,
-                to_stage,
-                vk::DependencyFlags::empty(),
-                &memory,
-                &[],
-                &[],
-            );
-        }
-    }
-
-    /// Sets all bytes to zero.
-    ///
-    /// # Errors
-    /// A buffer of another context.
-    pub fn clear(&mut self, buffer: &'a Buffer) -> Result<(), VulkanError> {
-        self.own(buffer.context(), buffer.name())?;
-        // SAFETY: the buffer lives for 'a and its size is a multiple of 4.
-        unsafe { self.context.raw().cmd_fill_buffer(self.commands, buffer.handle(), 0, vk::WHOLE_SIZE, 0) };
-        Ok(())
-    }
-
-    /// Copies the first `bytes` of `from` to `to` at `offset`.
-    ///
-    /// # Errors
-    /// [`VulkanError::OutOfBounds`]; a buffer of another context.
-    pub fn upload(&mut self, from: &'a HostBuffer, to: &'a Buffer, offset: u64, bytes: u64) -> Result<(), VulkanError> {
-        self.own(from.context(), from.name())?;
-        self.own(to.context(), to.name())?;
-        check_range(from.name(), 0, bytes, from.size())?;
-        check_range(to.name(), offset, bytes, to.size())?;
-        // Earlier submissions may have used the destination.
-        self.barrier(&[Access::Compute, Access::Transfer], &[Access::Transfer]);
-        self.copy(from.handle(), to.handle(), offset, bytes);
-        self.barrier(&[Access::Transfer], &[Access::Compute, Access::Transfer]);
-        Ok(())
-    }
-
-    /// Copies the first `bytes` of `from` to the start of `to`, ready for the host after the submission.
-    ///
-    /// # Errors
-    /// [`VulkanError::OutOfBounds`]; a buffer of another context.
-    pub fn readback(&mut self, from: &'a Buffer, to: &'a mut HostBuffer, bytes: u64) -> Result<(), VulkanError> {
-        self.own(from.context(), from.name())?;
-        self.own(to.context(), to.name())?;
-        check_range(from.name(), 0, bytes, from.size())?;
-        check_range(to.name(), 0, bytes, to.size())?;
-        self.barrier(&[Access::Compute, Access::Transfer], &[Access::Transfer]);
-        self.copy(from.handle(), to.handle(), 0, bytes);
-        self.barrier(&[Access::Transfer], &[Access::Host]);
-        Ok(())
-    }
-
-    fn copy(&mut self, from: vk::Buffer, to: vk::Buffer, offset: u64, bytes: u64) {
-        if bytes > 0 {
-            let region = [vk::BufferCopy { src_offset: 0, dst_offset: offset, size: bytes }];
-            // SAFETY: the callers have checked the ranges, and both buffers live for 'a.
-            unsafe { self.context.raw().cmd_copy_buffer(self.commands, from, to, &region) };
-        }
-    }
-
-    /// Runs `groups` workgroups (at least one each way) of a pipeline on a set, with push constants.
-    ///
-    /// # Errors
-    /// Objects of another context; push constants of the wrong size.
-    pub fn dispatch<P: Pod>(
-        &mut self,
-        pipeline: &'a ComputePipeline,
-        set: &'a BufferSet,
-        push: Option<&P>,
-        groups: [u32; 2],
-    ) -> Result<(), VulkanError> {
-        self.own(pipeline.context(), pipeline.name())?;
-        self.own(set.context(), pipeline.name())?;
-        let push = push.map_or(&[][..], bytemuck::bytes_of);
-        check_range("push constants", 0, push.len() as u64, u64::from(pipeline.push_bytes()))?;
-        for (groups, limit) in groups.iter().zip(self.context.info().max_workgroups) {
-            check_range("workgroups", 0, u64::from(*groups), u64::from(limit))?;
-        }
-        let device = self.context.raw();
-        // SAFETY: pipeline and set live for 'a, the set's buffers as long as the set; sets of all pipelines
-        // have the same layout; the push constants fit.
-        unsafe {
-            device.cmd_bind_pipeline(self.commands, vk::PipelineBindPoint::COMPUTE, pipeline.handle());
-            let layout = pipeline.layout();
-            let sets = [set.handle()];
-            device.cmd_bind_descriptor_sets(self.commands, vk::PipelineBindPoint::COMPUTE, layout, 0, &sets, &[]);
-            if !push.is_empty() {
-                device.cmd_push_constants(self.commands, layout, vk::ShaderStageFlags::COMPUTE, 0, push);
-            }
-            device.cmd_dispatch(self.commands, groups[0].max(1), groups[1].max(1), 1);
-        }
-        Ok(())
-    }
-
-    /// Handles of one device mean nothing to another.
-    fn own(&self, other: &Arc<Context>, what: &str) -> Result<(), VulkanError> {
-        if Arc::ptr_eq(&self.context, other) {
-            Ok(())
-        } else {
-            Err(VulkanError::OtherDevice { what: what.to_owned(), device: self.context.info().name.clone() })
         }
     }
 }

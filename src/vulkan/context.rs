@@ -75,7 +75,8 @@ impl Context {
         let faults = options.faults.clone();
         let instance = Instance::new(options, creator)?;
         let required = creator.physical_device(instance.raw().handle())?;
-        let (physical, info) = choose(instance.physical_devices()?, required, options)?;
+        let (physical, mut info) = choose(instance.physical_devices()?, required, options)?;
+        info.max_storage_range = info.max_storage_range.min(options.max_storage_range.unwrap_or(u64::MAX));
         let lacking = info.lacks(options.tier);
         let Some(queue_family) = info.found.queue_family.filter(|_| lacking.is_empty()) else {
             return Err(VulkanError::Lacking { device: info.name, lacking });
@@ -220,7 +221,7 @@ impl Context {
     }
 
     /// A call of the device's functions, with its name for errors and faults.
-    pub(super) fn call<T>(
+    pub(crate) fn call<T>(
         &self,
         call: &'static str,
         what: &str,
@@ -240,7 +241,7 @@ impl Context {
     }
 
     /// Gives an object a name for debuggers and validation messages.
-    pub(super) fn name_object<H: vk::Handle>(&self, handle: H, name: &str) {
+    pub(crate) fn name_object<H: vk::Handle>(&self, handle: H, name: &str) {
         let (Some(functions), Ok(name)) = (&self.debug_names, CString::new(name)) else { return };
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
         // SAFETY: the extension is enabled and the handle belongs to this device. A name that cannot be set is

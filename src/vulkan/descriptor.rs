@@ -1,8 +1,102 @@
-//! A descriptor set of storage buffers.
+//! Layouts, and descriptor sets of storage buffers.
 
-use super::{Context, VulkanError, memory::Buffer, memory::check_range, shader::ComputePipeline};
+use super::{Context, VulkanError, memory::Buffer, memory::check_range};
+use crate::shader_io::BINDINGS;
 use ash::vk;
 use std::sync::Arc;
+
+/// What pipelines take: the bindings of [`shader_io`](crate::shader_io) in descriptor set 0, and push constants.
+pub struct Layout {
+    context: Arc<Context>,
+    name: String,
+    set: vk::DescriptorSetLayout,
+    pipeline: vk::PipelineLayout,
+    stages: vk::ShaderStageFlags,
+    push_bytes: u32,
+}
+
+impl std::fmt::Debug for Layout {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Layout({})", self.name)
+    }
+}
+
+impl Layout {
+    /// A layout for pipelines whose `stages` see the bindings and `push_bytes` bytes of push constants. `name` is
+    /// for messages.
+    ///
+    /// # Errors
+    /// Driver failures.
+    pub fn new(
+        context: &Arc<Context>,
+        name: &str,
+        stages: vk::ShaderStageFlags,
+        push_bytes: u32,
+    ) -> Result<Self, VulkanError> {
+        // Handles that are still null are skipped by `Drop`, which cleans up after each failure below.
+        let mut layout = Self {
+            context: context.clone(),
+            name: name.to_owned(),
+            set: vk::DescriptorSetLayout::null(),
+            pipeline: vk::PipelineLayout::null(),
+            stages,
+            push_bytes,
+        };
+        let bindings: Vec<_> = (0..BINDINGS as u32)
+            .map(|binding| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(binding)
+                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .descriptor_count(1)
+                    .stage_flags(stages)
+            })
+            .collect();
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+        // SAFETY: the context is alive and the structure complete.
+        layout.set = context
+            .call("vkCreateDescriptorSetLayout", name, |d| unsafe { d.create_descriptor_set_layout(&info, None) })?;
+        let sets = [layout.set];
+        let push = [vk::PushConstantRange::default().stage_flags(stages).size(push_bytes)];
+        let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
+        if push_bytes > 0 {
+            info = info.push_constant_ranges(&push);
+        }
+        // SAFETY: as above; the set layout has just been made.
+        layout.pipeline =
+            context.call("vkCreatePipelineLayout", name, |d| unsafe { d.create_pipeline_layout(&info, None) })?;
+        Ok(layout)
+    }
+
+    pub(crate) fn context(&self) -> &Arc<Context> {
+        &self.context
+    }
+
+    pub(crate) fn raw(&self) -> vk::PipelineLayout {
+        self.pipeline
+    }
+
+    pub(crate) fn stages(&self) -> vk::ShaderStageFlags {
+        self.stages
+    }
+
+    pub(crate) fn push_bytes(&self) -> u32 {
+        self.push_bytes
+    }
+}
+
+impl Drop for Layout {
+    fn drop(&mut self) {
+        if self.context.is_hung() {
+            return;
+        }
+        // SAFETY: submissions borrow pipelines, which own their layouts, until they are waited for; null handles
+        // are ignored.
+        unsafe {
+            self.context.raw().destroy_pipeline_layout(self.pipeline, None);
+            self.context.raw().destroy_descriptor_set_layout(self.set, None);
+        }
+    }
+}
 
 /// What is bound to one binding number.
 #[derive(Clone, Debug)]
@@ -22,7 +116,7 @@ impl Bound {
     }
 }
 
-/// The descriptor set 0 of a pipeline, filled. Keeps its buffers alive.
+/// The descriptor set 0 of a layout, filled. Keeps its buffers alive.
 pub struct BufferSet {
     context: Arc<Context>,
     pool: vk::DescriptorPool,
@@ -37,13 +131,12 @@ impl std::fmt::Debug for BufferSet {
 }
 
 impl BufferSet {
-    /// A set for pipelines with the layout of `pipeline`. Bindings that the shader uses must all be named.
+    /// A set for pipelines of this layout. Bindings that their shaders use must all be named.
     ///
     /// # Errors
     /// Driver failures; [`VulkanError::TooLarge`] beyond the device's largest range.
-    pub fn new(pipeline: &ComputePipeline, bound: &[Bound]) -> Result<Self, VulkanError> {
-        let context = pipeline.context();
-        let name = pipeline.name();
+    pub fn new(layout: &Layout, bound: &[Bound]) -> Result<Self, VulkanError> {
+        let (context, name) = (&layout.context, layout.name.as_str());
         let limit = context.info().max_storage_range;
         for b in bound {
             check_range(b.buffer.name(), 0, b.bytes, b.buffer.size())?;
@@ -57,10 +150,8 @@ impl BufferSet {
                 });
             }
         }
-        let sizes = [vk::DescriptorPoolSize {
-            ty: vk::DescriptorType::STORAGE_BUFFER,
-            descriptor_count: crate::shader_io::BINDINGS as u32,
-        }];
+        let sizes =
+            [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: BINDINGS as u32 }];
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         // SAFETY: the context is alive and the structure complete.
         let pool =
@@ -72,7 +163,7 @@ impl BufferSet {
             handle: vk::DescriptorSet::null(),
             _buffers: bound.iter().map(|b| b.buffer.clone()).collect(),
         };
-        let layouts = [pipeline.set_layout()];
+        let layouts = [layout.set];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         set.handle = context.call("vkAllocateDescriptorSets", name, |d| {
             // SAFETY: pool and layout are alive, and the pool is made for one set of this layout.
@@ -80,7 +171,7 @@ impl BufferSet {
         })?;
         let ranges: Vec<_> = bound
             .iter()
-            .map(|b| [vk::DescriptorBufferInfo::default().buffer(b.buffer.handle()).range(b.bytes.max(4))])
+            .map(|b| [vk::DescriptorBufferInfo::default().buffer(b.buffer.raw()).range(b.bytes.max(4))])
             .collect();
         let writes: Vec<_> = bound
             .iter()

@@ -12,7 +12,7 @@ pub enum VulkanError {
     /// The loader is older than Vulkan 1.2.
     #[error("the Vulkan loader offers version {}.{}, but 1.2 is needed", .0.0, .0.1)]
     OldLoader((u32, u32)),
-    /// The loader knows no device.
+    /// The loader knows no driver, or its drivers no device.
     #[error("no Vulkan device")]
     NoDevice,
     /// No device has the index or name asked for.
@@ -31,9 +31,9 @@ pub enum VulkanError {
         /// What it lacks, in words.
         lacking: Vec<String>,
     },
-    /// Validation was asked for where the layer is not installed.
-    #[error("validation is asked for, but the layer {0} is not installed")]
-    NoValidationLayer(&'static str),
+    /// Validation was asked for where the layer, or its extension for the checks wanted, is not installed.
+    #[error("validation is asked for, but {0} is not installed")]
+    NoValidation(&'static str),
     /// An environment variable has a value that means nothing.
     #[error("{variable}={value:?} is not one of {known}")]
     Variable {

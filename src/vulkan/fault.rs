@@ -1,7 +1,7 @@
 //! Faults on demand, and the one place where results of Vulkan calls become errors.
 //!
 //! Tests of error paths cannot wait for a driver to run out of memory, so every fallible call of the wrappers
-//! passes through [`FaultInjection::call`], where a test can make the n-th call of the whole run, or of one name,
+//! passes through `FaultInjection::call`, where a test can make the n-th call of the whole run, or of one name,
 //! report any result. Without a fault set, the cost is one uncontended lock per call that reaches a driver.
 
 use super::VulkanError;

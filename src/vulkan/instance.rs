@@ -66,9 +66,12 @@ unsafe impl Creator for Loader {
         faults: &FaultInjection,
     ) -> Result<vk::Instance, VulkanError> {
         // SAFETY: `info` is a complete structure made by `Instance::with_entry`.
-        faults
-            .call("vkCreateInstance", "the program", || unsafe { entry.create_instance(info, None) })
-            .map(|i| i.handle())
+        match faults.call("vkCreateInstance", "the program", || unsafe { entry.create_instance(info, None) }) {
+            Ok(instance) => Ok(instance.handle()),
+            // The loader's way to say that there is no driver at all.
+            Err(VulkanError::Call { result: vk::Result::ERROR_INCOMPATIBLE_DRIVER, .. }) => Err(VulkanError::NoDevice),
+            Err(error) => Err(error),
+        }
     }
 
     fn device(
@@ -161,7 +164,7 @@ impl Instance {
                 entry.enumerate_instance_layer_properties()
             })?;
             if !found.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
-                return Err(VulkanError::NoValidationLayer("VK_LAYER_KHRONOS_validation"));
+                return Err(VulkanError::NoValidation("VK_LAYER_KHRONOS_validation"));
             }
             layers.push(VALIDATION_LAYER.as_ptr());
             available.extend(enumerate(Some(VALIDATION_LAYER))?);
@@ -178,8 +181,11 @@ impl Instance {
         if portability {
             extensions.push(ash::khr::portability_enumeration::NAME);
         }
-        let synchronization = options.validation == Validation::Sync && has(ash::ext::validation_features::NAME);
+        let synchronization = options.validation == Validation::Sync;
         if synchronization {
+            if !has(ash::ext::validation_features::NAME) {
+                return Err(VulkanError::NoValidation("VK_EXT_validation_features"));
+            }
             extensions.push(ash::ext::validation_features::NAME);
         }
         extensions.sort_unstable();

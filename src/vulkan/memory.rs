@@ -177,7 +177,7 @@ impl Buffer {
         self.0.size
     }
 
-    pub(super) fn handle(&self) -> vk::Buffer {
+    pub(crate) fn raw(&self) -> vk::Buffer {
         self.0.handle
     }
 
@@ -249,7 +249,7 @@ impl HostBuffer {
         &self.0.name
     }
 
-    pub(super) fn handle(&self) -> vk::Buffer {
+    pub(crate) fn raw(&self) -> vk::Buffer {
         self.0.handle
     }
 

@@ -8,14 +8,14 @@
 //! | [`memory`] | buffers | as long as their owner likes |
 //! | [`shader`] | embedded SPIR-V, layouts, compute pipelines | the same |
 //! | [`descriptor`] | sets of storage buffers; they keep their buffers alive | the same |
-//! | [`command`] | recording, submission, waiting, time stamps | a submission is over when [`command::Submitter::submit`] returns |
+//! | [`command`], [`record`] | submission, waiting, time stamps; what is submitted | a submission is over when [`command::Submitter::submit`] returns |
 //!
 //! **Two rules make the wrappers safe.** Nothing runs on the device outside of `submit`, which waits for its end
 //! and borrows all it uses for that long; so nothing is destroyed or read by the host while the device works on
 //! it. And after a wait that ran into its time-out, when the first rule cannot be kept any more, the context
 //! counts as hung: later submissions are refused and nothing of it is ever destroyed.
 //!
-//! Every call that can fail goes through [`fault::FaultInjection::call`], which names it in the error and lets
+//! Every call that can fail goes through `call` of [`fault::FaultInjection`], which names it in the error and lets
 //! tests make it fail.
 
 pub mod command;
@@ -26,6 +26,7 @@ pub mod fault;
 pub mod instance;
 pub mod memory;
 pub mod options;
+pub mod record;
 pub mod shader;
 pub mod tier;
 

@@ -34,6 +34,9 @@ pub struct ContextOptions {
     /// Where the validation layer's messages go. Keep a clone to read what is said about a context that could not
     /// be made, or at its end.
     pub messages: Messages,
+    /// Pretends that the device binds no more than this many bytes, for tests of large scenes and pictures.
+    #[doc(hidden)]
+    pub max_storage_range: Option<u64>,
     /// Faults on demand, for tests of error paths.
     #[doc(hidden)]
     pub faults: FaultInjection,

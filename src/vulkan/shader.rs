@@ -1,7 +1,7 @@
 //! Embedded SPIR-V and compute pipelines.
 
-use super::{Context, VulkanError};
-use crate::{geometry::GeometryId, shader_io};
+use super::{Context, VulkanError, descriptor::Layout};
+use crate::geometry::GeometryId;
 use ash::vk;
 use std::sync::Arc;
 
@@ -34,14 +34,11 @@ pub struct ComputeShader<'a> {
     pub push_bytes: u32,
 }
 
-/// A compute pipeline with the bindings of [`shader_io`] in descriptor set 0.
+/// A compute pipeline.
 pub struct ComputePipeline {
-    context: Arc<Context>,
     name: String,
-    set_layout: vk::DescriptorSetLayout,
-    layout: vk::PipelineLayout,
+    layout: Layout,
     handle: vk::Pipeline,
-    push_bytes: u32,
 }
 
 impl std::fmt::Debug for ComputePipeline {
@@ -58,45 +55,10 @@ impl ComputePipeline {
     pub fn new(context: &Arc<Context>, shader: &ComputeShader<'_>) -> Result<Self, VulkanError> {
         let name = format!("{} for {}", shader.entry, shader.geometry.name());
         let code = spirv(shader.entry, shader.geometry)?;
-        // Handles that are still null are skipped by `Drop`, which cleans up after each failure below.
-        let mut pipeline = Self {
-            context: context.clone(),
-            name,
-            set_layout: vk::DescriptorSetLayout::null(),
-            layout: vk::PipelineLayout::null(),
-            handle: vk::Pipeline::null(),
-            push_bytes: shader.push_bytes,
-        };
-        let name = &pipeline.name;
-
-        let bindings: Vec<_> = (0..shader_io::BINDINGS as u32)
-            .map(|binding| {
-                vk::DescriptorSetLayoutBinding::default()
-                    .binding(binding)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
-                    .descriptor_count(1)
-                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
-            })
-            .collect();
-        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
-        // SAFETY: here and below the context is alive and the structures are complete.
-        pipeline.set_layout = context
-            .call("vkCreateDescriptorSetLayout", name, |d| unsafe { d.create_descriptor_set_layout(&info, None) })?;
-
-        let set_layouts = [pipeline.set_layout];
-        let push =
-            [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(shader.push_bytes)];
-        let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&set_layouts);
-        if shader.push_bytes > 0 {
-            info = info.push_constant_ranges(&push);
-        }
-        // SAFETY: the set layout has just been made.
-        pipeline.layout =
-            context.call("vkCreatePipelineLayout", name, |d| unsafe { d.create_pipeline_layout(&info, None) })?;
-
+        let layout = Layout::new(context, &name, vk::ShaderStageFlags::COMPUTE, shader.push_bytes)?;
         let info = vk::ShaderModuleCreateInfo::default().code(&code);
         // SAFETY: the build's compiler made the code.
-        let module = context.call("vkCreateShaderModule", name, |d| unsafe { d.create_shader_module(&info, None) })?;
+        let module = context.call("vkCreateShaderModule", &name, |d| unsafe { d.create_shader_module(&info, None) })?;
         let entries: Vec<_> = (0..shader.constants.len() as u32)
             .map(|id| vk::SpecializationMapEntry { constant_id: id, offset: 4 * id, size: 4 })
             .collect();
@@ -107,8 +69,8 @@ impl ComputePipeline {
             .module(module)
             .name(c"main")
             .specialization_info(&specialization);
-        let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(pipeline.layout)];
-        let made = context.call("vkCreateComputePipelines", name, |d| {
+        let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout.raw())];
+        let made = context.call("vkCreateComputePipelines", &name, |d| {
             // SAFETY: module and layout are alive; on failure no pipeline has been made, as there is only one.
             unsafe { d.create_compute_pipelines(context.pipeline_cache(), &info, None) }
                 .map_err(|(_, result)| result)
@@ -116,9 +78,9 @@ impl ComputePipeline {
         });
         // SAFETY: a module may go as soon as its pipelines are made.
         unsafe { context.raw().destroy_shader_module(module, None) };
-        pipeline.handle = made?;
-        context.name_object(pipeline.handle, name);
-        Ok(pipeline)
+        let handle = made?;
+        context.name_object(handle, &name);
+        Ok(Self { name, layout, handle })
     }
 
     /// Its name for messages.
@@ -126,38 +88,21 @@ impl ComputePipeline {
         &self.name
     }
 
-    pub(super) fn context(&self) -> &Arc<Context> {
-        &self.context
+    /// What it takes.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
     }
 
-    pub(super) fn set_layout(&self) -> vk::DescriptorSetLayout {
-        self.set_layout
-    }
-
-    pub(super) fn layout(&self) -> vk::PipelineLayout {
-        self.layout
-    }
-
-    pub(super) fn handle(&self) -> vk::Pipeline {
+    pub(crate) fn raw(&self) -> vk::Pipeline {
         self.handle
-    }
-
-    pub(super) fn push_bytes(&self) -> u32 {
-        self.push_bytes
     }
 }
 
 impl Drop for ComputePipeline {
     fn drop(&mut self) {
-        if self.context.is_hung() {
-            return;
-        }
-        let device = self.context.raw();
-        // SAFETY: submissions borrow their pipeline until they are waited for; null handles are ignored.
-        unsafe {
-            device.destroy_pipeline(self.handle, None);
-            device.destroy_pipeline_layout(self.layout, None);
-            device.destroy_descriptor_set_layout(self.set_layout, None);
+        if !self.layout.context().is_hung() {
+            // SAFETY: submissions borrow their pipeline until they are waited for.
+            unsafe { self.layout.context().raw().destroy_pipeline(self.handle, None) };
         }
     }
 }

@@ -7,6 +7,7 @@
 //! - `closed_form`: pictures and paths whose answer is known.
 //! - `corners`: rays through edges and vertices, along faces, starting on faces.
 //! - `geodesic`: errors of end points against a reference of 192 bits.
+//! - `gluing`: gluing files and Dirichlet domains.
 //! - `gltf`, `scene`: what is read, and what is refused with which words.
 //! - `laws`: what every geometry must satisfy.
 //! - `plan`: what scenes leave out; no device.
@@ -25,6 +26,8 @@ mod closed_form;
 mod corners;
 mod geodesic;
 mod gltf;
+mod gluing;
+mod laws;
 mod plan;
 mod polyhedra;
 mod scene;

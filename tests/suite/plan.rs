@@ -1,1 +1,128 @@
-//! To come.
+//! What scenes leave out, decided without a device.
+
+use holonomy::{
+    render::plan::{Feature, Plan},
+    scene::{Place, Scene, Shading, Shape, file},
+    shader_io,
+};
+
+fn scene(name: &str) -> Scene {
+    file::load(name).expect("shipped scenes load")
+}
+
+fn uses(scene: &Scene, feature: Feature) -> bool {
+    Plan::new(scene, false).uses(feature)
+}
+
+#[test]
+fn plan_every_feature_has_a_name_and_a_decision() {
+    let plan = Plan::new(&scene("poincare"), false);
+    assert_eq!(plan.decisions.len(), Feature::NAMES.len());
+    for (decision, (name, feature)) in plan.decisions.iter().zip(Feature::NAMES) {
+        assert_eq!((decision.feature, decision.feature.name()), (*feature, *name));
+        assert!(!name.is_empty() && !decision.reason.is_empty());
+    }
+}
+
+#[test]
+fn plan_no_shadow_rays_without_a_shadowing_light() {
+    let mut scene = scene("poincare");
+    assert!(uses(&scene, Feature::Shadows) && uses(&scene, Feature::Lights));
+    scene.lights.iter_mut().for_each(|light| light.shadows = false);
+    assert!(!uses(&scene, Feature::Shadows) && uses(&scene, Feature::Lights));
+    scene.lights.clear();
+    assert!(!uses(&scene, Feature::Shadows) && !uses(&scene, Feature::Lights));
+}
+
+#[test]
+fn plan_no_triangles_without_meshes_and_no_quadrics_without_tubes() {
+    let full = scene("poincare");
+    assert!(uses(&full, Feature::Meshes) && uses(&full, Feature::Quadrics) && uses(&full, Feature::Textures));
+    let mut bare = full.clone();
+    bare.objects.retain(|o| !matches!(o.shape, Shape::Mesh(_)));
+    assert!(!uses(&bare, Feature::Meshes) && !uses(&bare, Feature::Textures) && uses(&bare, Feature::Quadrics));
+    let mut meshes = full;
+    meshes.objects.retain(|o| matches!(o.shape, Shape::Mesh(_)));
+    assert!(uses(&meshes, Feature::Meshes) && !uses(&meshes, Feature::Quadrics));
+}
+
+#[test]
+fn plan_masks_only_with_a_masked_material_in_use() {
+    let mut leaves = scene("leaves");
+    assert!(uses(&leaves, Feature::AlphaMask) && uses(&leaves, Feature::Textures));
+    assert!(!uses(&scene("poincare"), Feature::AlphaMask));
+    // A masked material that no object shows does not count.
+    leaves.objects.retain(|o| o.material.is_some());
+    assert!(!uses(&leaves, Feature::AlphaMask));
+}
+
+#[test]
+fn plan_raw_pictures_need_no_light() {
+    let mut scene = scene("poincare");
+    for shading in [Shading::Distance, Shading::Bounces, Shading::Object, Shading::Normals] {
+        scene.settings.shading = shading;
+        for feature in [Feature::Lights, Feature::Shadows, Feature::Headlight, Feature::Fog, Feature::Textures] {
+            assert!(!uses(&scene, feature), "{shading:?} needs no {}", feature.name());
+        }
+    }
+    scene.settings.shading = Shading::Cell;
+    assert!(uses(&scene, Feature::Labels));
+}
+
+#[test]
+fn plan_limits_and_fog_follow_the_settings() {
+    let mut scene = scene("torus");
+    scene.settings.fog = 0.0;
+    scene.settings.max_distance = None;
+    assert!(!uses(&scene, Feature::Fog) && !uses(&scene, Feature::MaxDistance));
+    scene.settings.fog = 0.1;
+    scene.settings.max_distance = Some(3.0);
+    assert!(uses(&scene, Feature::Fog) && uses(&scene, Feature::MaxDistance));
+}
+
+/// What is kept in on purpose is compiled in but still reported as not needed.
+#[test]
+fn plan_keeps_what_it_is_told_to() {
+    let mut scene = scene("torus");
+    scene.lights.clear();
+    let plan = Plan::new(&scene, false).keep(&[Feature::Shadows, Feature::Lights]);
+    let shadows = plan.decisions.iter().find(|d| d.feature == Feature::Shadows).expect("decided");
+    assert!(!shadows.needed && shadows.kept && plan.uses(Feature::Shadows));
+    assert_eq!(plan.specialization().shadows, 1);
+    assert_eq!(Plan::new(&scene, false).specialization().shadows, 0);
+}
+
+/// The constants that reach the shader are those of the plan, one for one.
+#[test]
+fn plan_specialization_follows_every_decision() {
+    let scene = scene("poincare");
+    for (name, feature) in Feature::NAMES {
+        let word = |plan: &Plan| {
+            let s = plan.specialization();
+            match feature {
+                Feature::Meshes => s.meshes,
+                Feature::Quadrics => s.quadrics,
+                Feature::AlphaMask => s.alpha_mask,
+                Feature::Textures => s.textures,
+                Feature::Lights => s.lights,
+                Feature::Shadows => s.shadows,
+                Feature::Headlight => s.headlight,
+                Feature::Fog => s.fog,
+                Feature::MaxDistance => s.max_distance,
+                Feature::Labels => s.labels,
+                Feature::Counters => s.counters,
+            }
+        };
+        let plan = Plan::new(&scene, false);
+        assert_eq!(word(&plan) == 1, plan.uses(*feature), "{name}");
+        assert_eq!(word(&plan.keep(&[*feature])), 1, "{name}");
+    }
+    assert_eq!(Plan::new(&scene, false).specialization().shading, shader_io::SHADING_RIEMANNIAN);
+}
+
+/// Attached objects follow the observer; the rest of the scene does not need him.
+#[test]
+fn plan_scenes_say_what_is_attached() {
+    assert!(scene("torus").objects.iter().any(|o| matches!(o.place, Place::Viewer { .. })));
+    assert!(!scene("poincare").objects.iter().any(|o| matches!(o.place, Place::Viewer { .. })));
+}

@@ -42,20 +42,30 @@ impl Drop for Gpu {
 }
 
 /// The device with validation, or none where there is no device: then the test is skipped.
+///
+/// # Panics
+/// If the device is there and fails.
 pub fn gpu() -> Option<Gpu> {
-    static CONTEXT: OnceLock<Result<Arc<Context>, String>> = OnceLock::new();
+    static CONTEXT: OnceLock<Result<Arc<Context>, VulkanError>> = OnceLock::new();
     let turn = turn();
-    let context = CONTEXT.get_or_init(|| Context::new(&options()?).map_err(|e| e.to_string()));
-    match context {
+    match CONTEXT.get_or_init(|| Context::new(&options()?)) {
         Ok(context) => Some(Gpu { context: context.clone(), _turn: turn }),
-        Err(reason) => {
-            skip("compute", reason);
+        Err(
+            reason @ (VulkanError::NoLoader(_)
+            | VulkanError::OldLoader(_)
+            | VulkanError::NoDevice
+            | VulkanError::Lacking { .. }),
+        ) => {
+            skip("compute", &reason.to_string());
             None
         }
+        // A failing driver or a mistyped variable is no reason to skip.
+        Err(failure) => panic!("{failure}"),
     }
 }
 
-/// A turn at the device for a test that opens its own context, and the options for it.
+/// A turn at the device for a test that opens its own context, and the options for it. Such a test reads the
+/// messages of the options.
 pub fn gpu_turn() -> Option<(MutexGuard<'static, ()>, ContextOptions)> {
     gpu()?;
     options().ok().map(|options| (turn(), options))
@@ -66,12 +76,12 @@ fn turn() -> MutexGuard<'static, ()> {
 }
 
 /// The device of the environment, with as much validation as there is.
-fn options() -> Result<ContextOptions, String> {
-    let mut options = ContextOptions::from_env().map_err(|e| e.to_string())?;
+fn options() -> Result<ContextOptions, VulkanError> {
+    let mut options = ContextOptions::from_env()?;
     if options.validation == Validation::Off {
         options.validation = Validation::Sync;
     }
-    if let Err(error @ VulkanError::NoValidationLayer(_)) = holonomy::vulkan::devices(&options) {
+    if let Err(error @ VulkanError::NoValidation(_)) = holonomy::vulkan::devices(&options) {
         skip("validation", &error.to_string());
         options.validation = Validation::Off;
     }

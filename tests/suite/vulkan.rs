@@ -8,16 +8,27 @@ use holonomy::{
     geometry::{GEOMETRIES, Geodesic, Geometry, GeometryId, Isometry, Visitor, exponential, visit},
     render::{
         Backend, RenderError, Shot, Target,
-        compute::{ComputeBackend, probe::Probe},
+        compute::{
+            ComputeBackend,
+            probe::Probe,
+            tiles::{Bands, Pace, Tiles},
+        },
+        cpu::CpuBackend,
         plan::{Decision, Feature, Plan},
         world::{World, WorldCell},
     },
-    scene::{Settings, Shading},
+    scene::{
+        Material, Mesh, Object, Observer, Place, PointLight, Scene, Settings, Shading, Shape, Spot, Texture, Vertex,
+        Wrap,
+    },
     shader_io::{self as io, ProbeIn, ProbeOut},
     space::{domain::Domain, observer::Frame},
     vulkan::{Context, ContextOptions, Validation, VulkanError, command::SUBMIT_TIME_OUT, fault::FaultInjection},
 };
-use std::sync::{Arc, Mutex};
+use std::{
+    sync::{Arc, Mutex},
+    time::Duration,
+};
 
 fn single(v: DVec4) -> [f32; 4] {
     v.as_vec4().to_array()
@@ -154,7 +165,7 @@ fn empty_world(count: bool) -> Arc<World> {
             multi_cell: false,
         },
         settings: Settings { background: BACKGROUND, ..Settings::default() },
-        domain: Domain { faces: Vec::new(), cells: vec![0..0], labels: Vec::new() },
+        domain: Domain { faces: Vec::new(), cells: std::iter::once(0..0).collect(), labels: Vec::new() },
         cells: vec![WorldCell { root: None, lights: 0..0 }],
         nodes: Vec::new(),
         primitives: Vec::new(),
@@ -221,7 +232,7 @@ fn compute_counts_nothing_if_nobody_asks() {
 }
 
 #[test]
-fn compute_draws_in_bands_beyond_the_largest_range() {
+fn compute_draws_pictures_beyond_the_largest_range() {
     let Some(gpu) = gpu() else { return };
     let mut backend = ComputeBackend::new(&gpu).expect("a backend");
     backend.load(&empty_world(true)).expect("a load");
@@ -239,18 +250,80 @@ fn compute_draws_in_bands_beyond_the_largest_range() {
 }
 
 #[test]
+fn compute_bands_make_the_same_picture() {
+    let Some((_turn, options)) = gpu_turn() else { return };
+    let scene = rich_scene("torus");
+    let world = World::new(&scene, &Plan::new(&scene, true), scene.observer.frame).expect("a world");
+    // The last band has fewer rows.
+    let shot = Shot { samples: 2, ..Shot::symmetric(scene.observer.frame, scene.observer.fov, [96, 64]) };
+    let draw = |max_storage_range| {
+        let options = ContextOptions { max_storage_range, ..options.clone() };
+        let context = Context::new(&options).expect("a context");
+        let mut backend = ComputeBackend::new(&context).expect("a backend");
+        backend.load(&Arc::new(world.clone())).expect("a load");
+        let mut target = Target::new([1, 1]);
+        let stats = backend.render(&shot, &mut target, &|_| ()).expect("a picture");
+        assert_eq!(stats.counts[io::COUNT_RAYS as usize], 2 * 96 * 64);
+        (target, stats)
+    };
+    let ((whole, one), (bands, some)) = (draw(None), draw(Some(96 * 16 * 23)));
+    assert!(some.dispatches >= 3 * 2 && some.memory < one.memory);
+    let (far, near) = differences(&whole, &bands);
+    assert!(far < 0.001 && near < 1e-5, "{far} {near}");
+    assert_eq!(options.messages.take(), [""; 0]);
+}
+
+#[test]
 fn compute_refuses_what_the_device_cannot_bind() {
-    let Some(gpu) = gpu() else { return };
-    if gpu.info().max_storage_range > 256 << 20 {
-        return skip("largest range", "the device binds more than a test should allocate");
-    }
+    let Some((_turn, options)) = gpu_turn() else { return };
+    let context = Context::new(&ContextOptions { max_storage_range: Some(4000), ..options }).expect("a context");
     let mut world = Arc::unwrap_or_clone(empty_world(false));
-    world.primitives = vec![0; gpu.info().max_storage_range as usize / 4 + 1];
-    let mut backend = ComputeBackend::new(&gpu).expect("a backend");
-    let before = gpu.memory_in_use();
+    world.primitives = vec![0; 1001];
+    let mut backend = ComputeBackend::new(&context).expect("a backend");
+    let before = context.memory_in_use();
     let error = backend.load(&Arc::new(world)).expect_err("too large").to_string();
-    assert!(error.starts_with("primitives takes 134217732 bytes, but llvmpipe"), "{error}");
-    assert_eq!(gpu.memory_in_use(), before);
+    let device = &context.info().name;
+    assert_eq!(error, format!("primitives takes 4004 bytes, but {device} binds at most 4000"));
+    assert_eq!(context.memory_in_use(), before);
+}
+
+#[test]
+fn tiles_cover_each_pixel_once() {
+    for (size, areas) in [([37, 21], [64.0, 4096.0]), ([130, 67], [4096.0, 100.0]), ([1, 1], [1e12, 1.0])] {
+        let mut seen = vec![0; (size[0] * size[1]) as usize];
+        let mut tiles = Tiles::new(size);
+        let mut turn = areas.iter().cycle();
+        while let Some(([x, y], [w, h])) = tiles.next((turn.next().copied().unwrap_or(64.0), [64, 1 << 20])) {
+            assert!(w > 0 && h > 0 && w <= 64);
+            for pixel in (y..y + h).flat_map(|j| (x..x + w).map(move |i| j * size[0] + i)) {
+                seen[pixel as usize] += 1;
+            }
+        }
+        assert!(seen.iter().all(|n| *n == 1), "{size:?}");
+    }
+}
+
+#[test]
+fn tiles_bands_cover_each_row_once() {
+    let bands = Bands::new([8192, 8192], (128 << 20) / 16).expect("a row fits");
+    assert_eq!(bands.pixels(), 8192 * 1024);
+    assert!(bands.iter().flatten().eq(0..8192));
+    assert_eq!(Bands::new([8192, 2], 8191), None);
+    let one = Bands::new([640, 480], 1 << 23).expect("a row fits");
+    assert_eq!((one.iter().count(), one.iter().next()), (1, Some(0..480)));
+}
+
+#[test]
+fn tiles_pace_finds_its_area_and_keeps_it() {
+    let mut pace = Pace::new([65535, 65535]);
+    for _ in 0..20 {
+        let pixels = pace.tile().0 as u64;
+        pace.learn(pixels, Duration::from_nanos(pixels * 100));
+    }
+    assert!((pace.tile().0 - 500_000.0).abs() < 1.0);
+    // The rest of a picture's last row, with its share of the cost of a submission.
+    pace.learn(1000, Duration::from_micros(110));
+    assert!((pace.tile().0 - 500_000.0).abs() < 1.0);
 }
 
 // --- devices ---------------------------------------------------------------------------------------------
@@ -308,7 +381,8 @@ fn faults_end_in_errors_that_name_the_call() {
     life(&options).expect("a life without faults");
     let calls = faults.calls();
     assert!(calls.len() > 60, "{calls:?}");
-    for wanted in ["vkAllocateMemory", "vkQueueSubmit", "vkWaitForFences", "vkCreateComputePipelines", "vkCreateDevice"] {
+    for wanted in ["vkAllocateMemory", "vkQueueSubmit", "vkWaitForFences", "vkCreateComputePipelines", "vkCreateDevice"]
+    {
         assert!(calls.contains(&wanted), "{wanted}");
     }
     for (index, call) in calls.iter().enumerate() {
@@ -392,4 +466,122 @@ fn errors_name_the_thing_and_the_limits() {
     assert_eq!(error.to_string(), "vkAllocateMemory for buffer pixels (5 bytes, 7 bytes in use): none");
     let error = VulkanError::UnknownDevice { wanted: "x".to_owned(), devices: Vec::new() };
     assert_eq!(error.to_string(), "no Vulkan device is called \"x\"; there is none");
+}
+
+// --- against the CPU -----------------------------------------------------------------------------------------
+
+/// A scene with something of everything that is packed for the device: mesh with texture and mask, ball, tube,
+/// point light and spot, in a space that is glued to itself.
+fn rich_scene(space: &str) -> Scene {
+    let space = holonomy::space::catalogue::find(space).expect("a space of the catalogue");
+    let geometry = space.geometry;
+    struct At(DVec3);
+    impl Visitor for At {
+        type Output = Frame;
+        fn visit<G: Geometry>(self, geometry: G) -> Frame {
+            let base = geometry.base();
+            Frame { cell: 0, point: base, axes: geometry.frame(base) }.moved(geometry, self.0)
+        }
+    }
+    let at = |x, y, z| visit(geometry, At(DVec3::new(x, y, z)));
+    let world = |x, y, z| Place::World(at(x, y, z));
+    let vertex = |x, y, u, v| Vertex { position: DVec3::new(x, y, 0.0), normal: DVec3::Z, uv: [u, v] };
+    let mesh = Mesh {
+        name: "quad".to_owned(),
+        vertices: vec![
+            vertex(-0.15, -0.15, 0.0, 2.5),
+            vertex(0.15, -0.15, 2.5, 2.5),
+            vertex(0.15, 0.15, 2.5, 0.0),
+            vertex(-0.15, 0.15, 0.0, 0.0),
+        ],
+        triangles: vec![([0, 1, 2], 1), ([0, 2, 3], 1)],
+    };
+    let texel = |r: f32, a: f32| [r, 0.25, 0.75, a].map(half::f16::from_f32);
+    let texture = Texture {
+        width: 2,
+        height: 2,
+        texels: vec![texel(1.0, 1.0), texel(0.5, 1.0), texel(0.1, 0.0), texel(0.9, 1.0)],
+        wrap: [Wrap::Mirror, Wrap::Repeat],
+    };
+    let masked = Material { base_texture: Some(0), alpha_cutoff: Some(0.5), ..Material::plain("masked", [1.0; 3]) };
+    let object =
+        |name: &str, shape, place, material| Object { name: name.to_owned(), shape, place, scale: 1.0, material };
+    let light = |place: Frame, spot: Option<Spot>| PointLight {
+        cell: 0,
+        point: place.point,
+        color: [1.0, 0.9, 0.8],
+        range: 1.0,
+        spot,
+        shadows: spot.is_some(),
+    };
+    let lamp = at(0.0, 0.2, 0.1);
+    Scene {
+        name: "rich".to_owned(),
+        observer: Observer { frame: at(0.05, 0.02, 0.3), fov: 80.0, eye_distance: 0.06 },
+        lights: vec![
+            light(at(0.1, -0.2, 0.2), None),
+            light(lamp, Some(Spot { direction: -lamp.axes[1], cos_angle: 0.5 })),
+        ],
+        materials: vec![Material::plain("red", [0.8, 0.1, 0.1]), masked],
+        textures: vec![texture],
+        meshes: vec![mesh],
+        objects: vec![
+            object("ball", Shape::Ball { radius: 0.1 }, world(0.15, 0.0, -0.1), Some(0)),
+            object("tube", Shape::Tube { radius: 0.03, length: 0.3 }, world(-0.1, -0.15, -0.2), Some(0)),
+            object("quad", Shape::Mesh(0), world(-0.1, 0.05, 0.0), None),
+        ],
+        settings: Settings {
+            bounces: 4,
+            fog: 0.2,
+            headlight: [0.1; 3],
+            background: BACKGROUND,
+            max_distance: Some(4.0),
+            ..Settings::default()
+        },
+        space,
+    }
+}
+
+/// Share of pixels that differ by more than rounding, and mean difference of the rest.
+fn differences(a: &Target, b: &Target) -> (f64, f64) {
+    let each = a.pixels.iter().zip(&b.pixels).map(|(a, b)| {
+        a.iter().zip(b).map(|(a, b)| if a == b { 0.0 } else { f64::from((a - b).abs()) }).fold(0.0, f64::max)
+    });
+    let (mut far, mut sum) = (0.0, 0.0);
+    for difference in each {
+        if difference <= 2e-3 { sum += difference } else { far += 1.0 }
+    }
+    let count = a.pixels.len() as f64;
+    (far / count, sum / count)
+}
+
+#[test]
+fn compute_draws_what_the_cpu_draws() {
+    let Some(gpu) = gpu() else { return };
+    let mut compute = ComputeBackend::new(&gpu).expect("a backend");
+    let mut cpu = CpuBackend::default();
+    for space in ["torus", "poincare", "seifert-weber"] {
+        for shading in [Shading::Riemannian, Shading::Distance, Shading::Cell, Shading::Object] {
+            let mut scene = rich_scene(space);
+            scene.settings.shading = shading;
+            let plan = Plan::new(&scene, true);
+            let world = Arc::new(World::new(&scene, &plan, scene.observer.frame).expect("a world"));
+            let shot = Shot { samples: 2, ..Shot::symmetric(scene.observer.frame, scene.observer.fov, [96, 64]) };
+            let (mut expected, mut drawn) = (Target::new(shot.size), Target::new(shot.size));
+            cpu.load(&world).expect("a load");
+            let reference = cpu.render(&shot, &mut expected, &|_| ()).expect("a picture");
+            compute.load(&world).expect("a load");
+            let stats = compute.render(&shot, &mut drawn, &|_| ()).expect("a picture");
+            let (far, near) = differences(&expected, &drawn);
+            assert!(far < 0.01 && near < 1e-4, "{space} {shading:?}: {far} {near:e}");
+            assert!(reference.counts[io::COUNT_HITS as usize] > 3000);
+            for (a, b) in reference.counts.iter().zip(stats.counts) {
+                assert!(a.abs_diff(b) as f64 <= 0.01 * *a as f64 + 10.0, "{:?} {:?}", reference.counts, stats.counts);
+            }
+            // The comparison notices a darker picture.
+            drawn.pixels.iter_mut().for_each(|p| p[1] *= 0.99);
+            let (far, near) = differences(&expected, &drawn);
+            assert!(far >= 0.01 || near >= 1e-4, "{space} {shading:?}");
+        }
+    }
 }

@@ -14,7 +14,7 @@
 
 mod pack;
 pub mod probe;
-mod tiles;
+pub mod tiles;
 
 use super::{
     Backend, Missing, RenderError, Shot, Stats, Target,
@@ -25,9 +25,10 @@ use crate::{
     shader_io::{self, Dispatch, View, binding},
     vulkan::{
         Context, Tier, VulkanError,
-        command::{Access, Submitter},
+        command::Submitter,
         descriptor::{Bound, BufferSet},
         memory::{Buffer, Direction, HostBuffer},
+        record::Access,
         shader::{ComputePipeline, ComputeShader},
     },
 };
@@ -248,7 +249,7 @@ impl Picture<'_> {
         for unused in [binding::probe_in, binding::probe_out] {
             bound.push(Bound::whole(unused, &self.backend.null));
         }
-        let set = BufferSet::new(&self.loaded.pipeline, &bound)?;
+        let set = BufferSet::new(self.loaded.pipeline.layout(), &bound)?;
         Ok(Canvas { pixels, readback, set })
     }
 
@@ -264,9 +265,10 @@ impl Picture<'_> {
             view.tangents[2] = at(rows.end);
             view.tangents[3] = at(rows.start);
         }
-        self.loaded.view.upload(submitter, bytemuck::bytes_of(&view))?;
-        submitter.submit("clear pixels", |r| {
+        let buffer = &self.loaded.view;
+        submitter.submit("begin a picture", |r| {
             r.barrier(&[Access::Compute, Access::Transfer], &[Access::Transfer]);
+            r.write(buffer, &view)?;
             r.clear(&canvas.pixels)?;
             r.barrier(&[Access::Transfer], &[Access::Compute]);
             Ok(())

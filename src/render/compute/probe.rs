@@ -7,9 +7,10 @@ use crate::{
     shader_io::{PROBE_GROUP, ProbeIn, ProbeOut, binding},
     vulkan::{
         Context, VulkanError,
-        command::{Access, Submitter},
+        command::Submitter,
         descriptor::{Bound, BufferSet},
         memory::{Buffer, Direction, HostBuffer},
+        record::Access,
         shader::{ComputePipeline, ComputeShader},
     },
 };
@@ -115,7 +116,7 @@ impl Probe {
             Bound { binding: binding::probe_in, buffer: arguments.clone(), bytes: argument_bytes },
             Bound { binding: binding::probe_out, buffer: results.clone(), bytes: result_bytes },
         ];
-        let set = BufferSet::new(&self.pipeline, &bound)?;
+        let set = BufferSet::new(self.pipeline.layout(), &bound)?;
         Ok(Batch { count, arguments, results, readback, set })
     }
 }

@@ -8,12 +8,12 @@ use glam::DVec3;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CheckError {
     /// The planes of a cell bound no polyhedron.
-    #[error("cell {cell}: {source}")]
+    #[error("cell {cell}: {reason}")]
     Cell {
         /// The cell.
         cell: usize,
         /// Why, with the face.
-        source: PolyhedronError,
+        reason: PolyhedronError,
     },
     /// No cell, or one that the others do not reach.
     #[error("{0}")]

@@ -14,7 +14,7 @@ pub(super) fn shapes<G: Geometry>(geometry: G, space: &Space) -> Result<Vec<Poly
         return Err(CheckError::Disconnected("the space has no cells".to_owned()));
     }
     let shape = |(cell, c)| {
-        let shape = Polyhedron::new(c).map_err(|source| CheckError::Cell { cell, source })?;
+        let shape = Polyhedron::new(c).map_err(|reason| CheckError::Cell { cell, reason })?;
         for (face, outline) in shape.face_vertices.iter().enumerate() {
             for &v in outline {
                 let corner = shape.vertices[v];
