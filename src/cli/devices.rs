@@ -12,10 +12,11 @@ pub(super) fn run(args: &DevicesArgs) -> Outcome {
     // Listing does not choose, so a device that the environment picks is not looked for.
     let options = ContextOptions::from_env().map_err(Failure::vulkan)?;
     let devices = match vulkan::devices(&options) {
-        // A layer that is asked for by name is not left out in silence.
-        Err(error @ VulkanError::NoValidationLayer(_)) => return Err(Failure::vulkan(error)),
-        // A Vulkan without drivers, or with a broken one, is what this command is asked about.
-        devices => devices.map_err(|error| error.to_string()),
+        Ok(devices) => Ok(devices),
+        Err(error @ (VulkanError::NoLoader(_) | VulkanError::OldLoader(_) | VulkanError::NoDevice)) => {
+            Err(error.to_string())
+        }
+        Err(error) => return Err(Failure::vulkan(error)),
     };
     let runtime = xr::runtime();
     let text = if args.json { as_json(&devices, &runtime).to_string() } else { as_text(&devices, &runtime) };
