@@ -67,8 +67,8 @@ fn deviation(picture: &DynamicImage, left: u32, expected: &[f64], width: u32) ->
         let value = f64::from(values.get_pixel(left + index as u32 % width, index as u32 / width)[0]);
         if *expected < FAR {
             worst = (worst.0.max((value - expected).abs()), worst.1 + 1);
-        } else {
-            assert!(value > FAR - 1e-4, "{value} instead of {expected}");
+        } else if value < FAR - 1e-4 {
+            worst.0 = f64::INFINITY;
         }
     }
     worst
