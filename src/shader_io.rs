@@ -122,27 +122,22 @@ structures! {
         first_light: uint,
         /// Number of light images.
         light_count: uint,
+        /// Lower corner of the grid of the hierarchy's boxes, in the chart.
+        grid_lower: vec3,
+        /// Grid lines per unit of the chart along each axis.
+        grid_scale: vec3,
     }
 
-    /// Inner node: boxes of both children. A child with `count > 0` is the leaf of primitives
-    /// `child .. child + count`.
+    /// Inner node: boxes of both children on the cell's grid. A child with primitives is a leaf.
     struct Node {
-        /// Lower corner of the first child, in the chart.
-        lower0: vec3,
-        /// First child.
+        /// Lower (low half) and upper (high half) grid line of the first child's box along x, y, z.
+        box0: uvec3,
+        /// First child: an index, and the number of primitives of a leaf from [`NODE_COUNT_SHIFT`] on.
         child0: uint,
-        /// Upper corner of the first child.
-        upper0: vec3,
-        /// Primitives in the first child, 0 for an inner node.
-        count0: uint,
-        /// Lower corner of the second child.
-        lower1: vec3,
+        /// The second child's box.
+        box1: uvec3,
         /// Second child.
         child1: uint,
-        /// Upper corner of the second child.
-        upper1: vec3,
-        /// Primitives in the second child, 0 for an inner node.
-        count1: uint,
     }
 
     /// Corners of a triangle, in the chart.
@@ -175,10 +170,20 @@ structures! {
         object: uint,
     }
 
-    /// The surface `xᵀQx = 0`, `x = (chart, 1)`, between two planes.
+    /// The surface `xᵀQx = 0`, `x = (chart, 1)`; inside is negative.
     struct Quadric {
-        /// The symmetric matrix; inside is negative.
-        form: mat4,
+        /// `Q` at (x, x), (y, y), (z, z).
+        diagonal: vec3,
+        /// `Q` at (y, z), (z, x), (x, y).
+        mixed: vec3,
+        /// `Q` at (x, w), (y, w), (z, w).
+        linear: vec3,
+        /// `Q` at (w, w).
+        constant: float,
+    }
+
+    /// What traversal needs of a quadric only where it is hit, and what shading needs.
+    struct QuadricShading {
         /// Points with a negative product are cut off.
         clip0: vec4,
         /// Points with a negative product are cut off.
@@ -296,6 +301,8 @@ numbers! {
     NONE: uint = 0xffff_ffff;
     /// Bit of a primitive reference that marks a quadric; the other bits are an index.
     QUADRIC_BIT: uint = 0x8000_0000;
+    /// A node's child holds the number of a leaf's primitives in its bits from here on.
+    NODE_COUNT_SHIFT: uint = 27;
     /// Texture wrap mode.
     WRAP_REPEAT: uint = 0;
     /// Texture wrap mode.
@@ -435,8 +442,9 @@ macro_rules! specialization {
 }
 
 specialization! {
-    /// The space has several cells.
-    multi_cell: bool = true;
+    /// Number of faces of the space's only cell, so that face tests unroll and read at constant places; 0 if it has
+    /// several cells or too many faces to unroll.
+    faces: uint = 0;
     /// The scene has triangles.
     meshes: bool = true;
     /// The scene has quadrics.
@@ -499,6 +507,8 @@ bindings! {
     6 triangle_shading: readonly TriangleShading;
     /// Quadrics.
     7 quadric_surfaces: readonly Quadric;
+    /// Their shading data.
+    17 quadric_shading: readonly QuadricShading;
     /// Materials.
     8 materials: readonly Material;
     /// Textures.

@@ -28,6 +28,7 @@ impl Compiler<'_> {
             "#version 460\n",
             "#extension GL_GOOGLE_cpp_style_line_directive : require\n",
             "#extension GL_EXT_scalar_block_layout : require\n",
+            "#extension GL_EXT_control_flow_attributes : require\n",
         ));
         let mut seen = BTreeSet::new();
         self.expand(&format!("entry/{entry}"), module, &mut seen, &mut text)?;

@@ -3,10 +3,17 @@
 #include "trace/compute.glsl"
 #include "stage/raygen.glsl"
 
-layout(local_size_x = IO_GROUP_WIDTH, local_size_y = IO_GROUP_HEIGHT) in;
+layout(local_size_x = IO_GROUP_WIDTH * IO_GROUP_HEIGHT) in;
+
+// Invocations in Z-order, so that those which a device runs in lockstep are a block of pixels and not a row.
+uvec2 group_pixel(uint i) {
+    uvec2 bits = uvec2(i, i >> 1u) & 0x15u;
+    bits = (bits | (bits >> 1u)) & 0x13u;
+    return (bits | (bits >> 2u)) & 0x07u;
+}
 
 void main() {
-    uvec2 inside_tile = gl_GlobalInvocationID.xy;
+    uvec2 inside_tile = gl_WorkGroupID.xy * uvec2(IO_GROUP_WIDTH, IO_GROUP_HEIGHT) + group_pixel(gl_LocalInvocationIndex);
     if (any(greaterThanEqual(inside_tile, io_dispatch.extent))) return;
     stage_raygen(io_dispatch.origin + inside_tile, io_dispatch.offset);
     count_flush();

@@ -5,19 +5,29 @@
 #include "stage/walk.glsl"
 #include "stage/triangle.glsl"
 
-bool quadric_clipped(Quadric quadric, Segment segment, float s) {
-    vec4 x = vec4(segment.origin + s * segment.direction, 1.0);
-    return dot(quadric.clip0, x) < 0.0 || dot(quadric.clip1, x) < 0.0;
+// The quadratic part times a vector.
+vec3 quadric_times(Quadric q, vec3 v) {
+    return q.diagonal * v + q.mixed.zxy * v.yzx + q.mixed.yzx * v.zxy;
 }
 
-// Smallest s in [0, 1] at which the segment meets the surface, or NO_HIT. An eye inside sees the far wall.
-float quadric_hit(Segment segment, Quadric quadric) {
-    vec4 x = vec4(segment.origin, 1.0);
-    vec4 d = vec4(segment.direction, 0.0);
-    vec4 qd = quadric.form * d;
-    float a = dot(d, qd);
-    float b = dot(x, qd);
-    float c = dot(x, quadric.form * x);
+// Half of the gradient of x^T Q x at a chart point.
+vec3 quadric_gradient(Quadric q, vec3 c) {
+    return quadric_times(q, c) + q.linear;
+}
+
+bool quadric_clipped(uint index, vec3 c) {
+    QuadricShading shading = io_quadric_shading[index];
+    vec4 x = vec4(c, 1.0);
+    return dot(shading.clip0, x) < 0.0 || dot(shading.clip1, x) < 0.0;
+}
+
+// Smallest s in [0, min(1, s_end)] at which the segment meets the surface, or NO_HIT. An eye inside sees the far wall.
+float quadric_hit(Segment segment, uint index, float s_end) {
+    Quadric quadric = io_quadric_surfaces[index];
+    vec3 qd = quadric_times(quadric, segment.direction);
+    float a = dot(segment.direction, qd);
+    float b = dot(segment.origin, qd) + dot(quadric.linear, segment.direction);
+    float c = dot(segment.origin, quadric_gradient(quadric, segment.origin) + quadric.linear) + quadric.constant;
     float discriminant = b * b - a * c;
     if (discriminant < 0.0) return NO_HIT;
     // The root that does not cancel, and the other from the product of both.
@@ -26,8 +36,9 @@ float quadric_hit(Segment segment, Quadric quadric) {
     float s1 = a == 0.0 ? NO_HIT : q / a;
     float near = min(s0, s1);
     float far = max(s0, s1);
-    if (near >= 0.0 && near <= 1.0 && !quadric_clipped(quadric, segment, near)) return near;
-    if (far >= 0.0 && far <= 1.0 && !quadric_clipped(quadric, segment, far)) return far;
+    float last = min(s_end, 1.0);
+    if (near >= 0.0 && near <= last && !quadric_clipped(index, segment.origin + near * segment.direction)) return near;
+    if (far >= 0.0 && far <= last && !quadric_clipped(index, segment.origin + far * segment.direction)) return far;
     return NO_HIT;
 }
 

@@ -24,12 +24,12 @@ void stage_closest_hit(inout Path path, inout Surface surface, Segment segment, 
     uint material_index;
     vec2 uv = vec2(0.0);
     if (IO_QUADRICS && (!IO_MESHES || (reference & IO_QUADRIC_BIT) != 0u)) {
-        Quadric quadric = io_quadric_surfaces[reference & ~IO_QUADRIC_BIT];
-        s = quadric_hit(segment, quadric);
-        surface.conormal = (quadric.form * vec4(segment.origin + s * segment.direction, 1.0)).xyz;
+        uint index = reference & ~IO_QUADRIC_BIT;
+        s = quadric_hit(segment, index, 1.0);
+        surface.conormal = quadric_gradient(io_quadric_surfaces[index], segment.origin + s * segment.direction);
         away = dot(surface.conormal, segment.direction) > 0.0;
-        material_index = quadric.material;
-        surface.object = quadric.object;
+        material_index = io_quadric_shading[index].material;
+        surface.object = io_quadric_shading[index].object;
     } else {
         Triangle triangle = io_triangles[reference];
         TriangleShading shading = io_triangle_shading[reference];

@@ -42,7 +42,7 @@ Geodesic walk_state(Path path) {
 }
 
 uint walk_cell(Path path) {
-    return IO_MULTI_CELL ? path.cell : 0u;
+    return IO_FACES == 0u ? path.cell : 0u;
 }
 
 // Takes the path through a face.
@@ -51,47 +51,62 @@ void walk_cross(inout Path path, Geodesic g, uint face) {
     path.point = h.point;
     path.velocity = h.velocity;
     path.bounces++;
-    if (IO_MULTI_CELL) path.cell = io_faces[face].cell;
+    if (IO_FACES == 0u) path.cell = io_faces[face].cell;
     if (IO_LABELS && path.label != IO_NONE) path.label = io_label_table[path.label * uint(io_faces.length()) + face];
+}
+
+// What the faces say of a state: where the geodesic leaves, and which face it violates most.
+struct Faces {
+    float u;
+    uint exit;
+    float worst;
+    uint violated;
+};
+
+void walk_test_face(Geodesic g, uint face, inout Faces faces) {
+    vec4 plane = io_faces[face].plane;
+    float side = geo_side(g.point, plane);
+    if (side > faces.worst) {
+        faces.worst = side;
+        faces.violated = face;
+    }
+    float u = geo_exit(g, plane);
+    if (u < faces.u) {
+        faces.u = u;
+        faces.exit = face;
+    }
+}
+
+Faces walk_test_faces(Path path) {
+    Geodesic g = walk_state(path);
+    Faces faces = Faces(M_INFINITY, IO_END_LIMIT, IO_ON_FACE, IO_END_LIMIT);
+    if (IO_FACES > 0u) {
+        // One cell: a loop of known length with reads at known places.
+        [[unroll]] for (uint face = 0u; face < IO_FACES; face++) walk_test_face(g, face, faces);
+    } else {
+        uint first = io_cells[path.cell].first_face;
+        uint end = first + io_cells[path.cell].face_count;
+        for (uint face = first; face < end; face++) walk_test_face(g, face, faces);
+    }
+    return faces;
 }
 
 // Finds the end of the segment that starts at the path's state, and brings a state that rounding has left outside
 // of its cell (at an edge or a corner) back first. At most `bounces` faces are passed. False: the path has ended.
 bool stage_segment(inout Path path, uint bounces, bool first, out Segment segment) {
-    float u = M_INFINITY;
-    for (uint attempt = 0u; attempt <= IO_REDUCE_LIMIT; attempt++) {
-        Cell cell = io_cells[walk_cell(path)];
-        Geodesic g = walk_state(path);
-        float worst = IO_ON_FACE;
-        uint violated = IO_END_LIMIT;
-        u = M_INFINITY;
-        path.end = IO_END_LIMIT;
-        for (uint i = 0u; i < cell.face_count; i++) {
-            uint face = cell.first_face + i;
-            vec4 plane = io_faces[face].plane;
-            float side = geo_side(g.point, plane);
-            if (side > worst) {
-                worst = side;
-                violated = face;
-            }
-            float exit_u = geo_exit(g, plane);
-            if (exit_u < u) {
-                u = exit_u;
-                path.end = face;
-            }
-        }
-        if (violated == IO_END_LIMIT) break;
-        if (attempt == IO_REDUCE_LIMIT) {
-            count(IO_COUNT_LOST);
+    Faces faces = walk_test_faces(path);
+    for (uint attempt = 0u; faces.violated != IO_END_LIMIT; attempt++) {
+        bool lost = attempt == IO_REDUCE_LIMIT;
+        if (lost) count(IO_COUNT_LOST);
+        if (lost || path.bounces == bounces) {
             path.status = PATH_GONE;
             return false;
         }
-        if (path.bounces == bounces) {
-            path.status = PATH_GONE;
-            return false;
-        }
-        walk_cross(path, g, violated);
+        walk_cross(path, walk_state(path), faces.violated);
+        faces = walk_test_faces(path);
     }
+    float u = faces.u;
+    path.end = faces.exit;
     Geodesic g = walk_state(path);
     float rest = geo_parameter_at(g, path.limit - path.travelled);
     if (rest < u) {

@@ -10,10 +10,10 @@
 #include "stage/mask.glsl"
 #include "stage/surface.glsl"
 
-// Entry of a segment into a box, in s; above 1 if it does not enter before `s_end`.
-float box_entry(vec3 lower, vec3 upper, vec3 origin, vec3 reciprocal, float s_end) {
-    vec3 a = (lower - origin) * reciprocal;
-    vec3 b = (upper - origin) * reciprocal;
+// Entry of a segment into a box, in s, or NO_HIT if it does not enter before `s_end`. All in units of the grid.
+float box_entry(uvec3 lines, vec3 origin, vec3 reciprocal, float s_end) {
+    vec3 a = (vec3(lines & 0xffffu) - origin) * reciprocal;
+    vec3 b = (vec3(lines >> 16u) - origin) * reciprocal;
     vec3 low = min(a, b);
     vec3 high = max(a, b);
     float enter = max(max(low.x, low.y), max(low.z, 0.0));
@@ -21,14 +21,21 @@ float box_entry(vec3 lower, vec3 upper, vec3 origin, vec3 reciprocal, float s_en
     return enter <= leave ? enter : NO_HIT;
 }
 
+// Whether a child's reference is a leaf, and its index.
+bool node_is_leaf(uint reference) {
+    return (reference >> IO_NODE_COUNT_SHIFT) > 0u;
+}
+
 // Nearest hit at s <= s_end among the primitives of a leaf.
-void leaf_hits(Segment segment, uint first, uint number, inout float s_end, inout uint reference) {
-    for (uint i = first; i < first + number; i++) {
+void leaf_hits(Segment segment, uint leaf, inout float s_end, inout uint reference) {
+    uint first = leaf & ((1u << IO_NODE_COUNT_SHIFT) - 1u);
+    uint end = first + (leaf >> IO_NODE_COUNT_SHIFT);
+    for (uint i = first; i < end; i++) {
         uint candidate = io_primitives[i];
         float s = NO_HIT;
         if (IO_QUADRICS && (!IO_MESHES || (candidate & IO_QUADRIC_BIT) != 0u)) {
             count(IO_COUNT_QUADRICS);
-            s = quadric_hit(segment, io_quadric_surfaces[candidate & ~IO_QUADRIC_BIT]);
+            s = quadric_hit(segment, candidate & ~IO_QUADRIC_BIT, s_end);
         } else if (IO_MESHES) {
             count(IO_COUNT_TRIANGLES);
             vec3 hit = triangle_hit(segment, io_triangles[candidate]);
@@ -43,11 +50,15 @@ void leaf_hits(Segment segment, uint first, uint number, inout float s_end, inou
 }
 
 // Walks the hierarchy front to back; returns the primitive hit, or IO_NONE. With `any_hit` the first one found will do.
-uint traverse(Segment segment, uint root, bool any_hit) {
+uint traverse(Segment segment, uint cell, bool any_hit) {
     uint reference = IO_NONE;
+    uint root = io_cells[cell].root;
     if (!(IO_MESHES || IO_QUADRICS) || root == IO_NONE) return reference;
-    // A zero component would make 0 * inf = NaN at a box face; a tiny one behaves as a parallel ray.
-    vec3 direction = mix(segment.direction, vec3(1e-20), lessThan(abs(segment.direction), vec3(1e-20)));
+    // The segment in units of the grid. A zero component would make 0 * inf = NaN at a box face; a tiny one behaves
+    // as a parallel ray.
+    vec3 origin = (segment.origin - io_cells[cell].grid_lower) * io_cells[cell].grid_scale;
+    vec3 direction = segment.direction * io_cells[cell].grid_scale;
+    direction = mix(direction, vec3(1e-20), lessThan(abs(direction), vec3(1e-20)));
     vec3 reciprocal = 1.0 / direction;
     float s_end = 1.0 + 1e-6;
     uint stack[IO_STACK_SIZE];
@@ -56,14 +67,14 @@ uint traverse(Segment segment, uint root, bool any_hit) {
     while (true) {
         Node node = io_nodes[current];
         count(IO_COUNT_NODES);
-        float s0 = box_entry(node.lower0, node.upper0, segment.origin, reciprocal, s_end);
-        float s1 = box_entry(node.lower1, node.upper1, segment.origin, reciprocal, s_end);
-        if (s0 != NO_HIT && node.count0 > 0u) {
-            leaf_hits(segment, node.child0, node.count0, s_end, reference);
+        float s0 = box_entry(node.box0, origin, reciprocal, s_end);
+        float s1 = box_entry(node.box1, origin, reciprocal, s_end);
+        if (s0 != NO_HIT && node_is_leaf(node.child0)) {
+            leaf_hits(segment, node.child0, s_end, reference);
             s0 = NO_HIT;
         }
-        if (s1 <= s_end && node.count1 > 0u) {
-            leaf_hits(segment, node.child1, node.count1, s_end, reference);
+        if (s1 <= s_end && node_is_leaf(node.child1)) {
+            leaf_hits(segment, node.child1, s_end, reference);
             s1 = NO_HIT;
         }
         if (any_hit && reference != IO_NONE) return reference;
@@ -85,7 +96,7 @@ uint traverse(Segment segment, uint root, bool any_hit) {
 
 // Traces one segment of a primary ray: closest-hit or miss follows.
 void trace_segment(inout Path path, inout Surface surface, Segment segment) {
-    uint reference = traverse(segment, io_cells[walk_cell(path)].root, false);
+    uint reference = traverse(segment, walk_cell(path), false);
     if (reference != IO_NONE) {
         stage_closest_hit(path, surface, segment, reference);
     } else {
@@ -95,7 +106,7 @@ void trace_segment(inout Path path, inout Surface surface, Segment segment) {
 
 // Traces one segment of a shadow ray: a hit ends it, a miss transports it.
 void trace_shadow_segment(inout Path path, Segment segment) {
-    if (traverse(segment, io_cells[walk_cell(path)].root, true) != IO_NONE) {
+    if (traverse(segment, walk_cell(path), true) != IO_NONE) {
         path.status = PATH_HIT;
     } else {
         stage_transport(path, IO_SHADOW_BOUNCES);

@@ -10,6 +10,9 @@ use crate::{
     shader_io::Specialization,
 };
 
+/// Most faces of a cell whose tests are unrolled; dodecahedra have 12, and code grows with each.
+const MAX_UNROLLED_FACES: usize = 16;
+
 /// A part of the renderer that a scene may do without.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Feature {
@@ -80,8 +83,8 @@ pub struct Plan {
     pub decisions: Vec<Decision>,
     /// What the picture shows.
     pub shading: Shading,
-    /// Whether the space has several cells, so that rays must remember theirs.
-    pub multi_cell: bool,
+    /// Number of faces if the space has one cell with few enough to unroll, else 0: then rays remember their cell.
+    pub faces: u32,
 }
 
 impl Plan {
@@ -134,7 +137,11 @@ impl Plan {
             Decision { feature, needed, kept: false, reason }
         };
         let decisions = Feature::NAMES.iter().map(|(_, feature)| decide(*feature)).collect();
-        Self { decisions, shading, multi_cell: scene.space.cells.len() > 1 }
+        let faces = match scene.space.cells.as_slice() {
+            [cell] if cell.faces.len() <= MAX_UNROLLED_FACES => cell.faces.len() as u32,
+            _ => 0,
+        };
+        Self { decisions, shading, faces }
     }
 
     /// Keeps features in that the scene does not need.
@@ -154,7 +161,7 @@ impl Plan {
     pub fn specialization(&self) -> Specialization {
         let on = |feature| u32::from(self.uses(feature));
         Specialization {
-            multi_cell: u32::from(self.multi_cell),
+            faces: self.faces,
             meshes: on(Feature::Meshes),
             quadrics: on(Feature::Quadrics),
             alpha_mask: on(Feature::AlphaMask),

@@ -160,8 +160,8 @@ fn agree_alpha_mask() {
 fn agree_raw_values() {
     let Some(gpu) = support::gpu() else { return };
     for shading in [Shading::Distance, Shading::Bounces, Shading::Segments, Shading::Cell, Shading::Object] {
-        // Labels agree where the table is closed: beyond its last element they depend on the way round an edge.
-        let scene = scene(if shading == Shading::Cell { "poincare" } else { "seifert-weber" }, shading);
+        // Not in hyperbolic space: values without fog at a distance of 8 bounces change several times a pixel.
+        let scene = scene("poincare", shading);
         let a = draw(&mut CpuBackend::default(), &scene);
         let b = draw(&mut compute(&gpu), &scene);
         let same = |x: f32, y: f32| x == y || (x - y).abs() <= 1e-4 * (1.0 + y.abs());

@@ -162,11 +162,11 @@ fn empty_world(count: bool) -> Arc<World> {
         plan: Plan {
             decisions: Feature::NAMES.iter().map(decide).collect(),
             shading: Shading::Riemannian,
-            multi_cell: false,
+            faces: 0,
         },
         settings: Settings { background: BACKGROUND, ..Settings::default() },
         domain: Domain { faces: Vec::new(), cells: std::iter::once(0..0).collect(), labels: Vec::new() },
-        cells: vec![WorldCell { root: None, lights: 0..0 }],
+        cells: vec![WorldCell { tree: None, lights: 0..0 }],
         nodes: Vec::new(),
         primitives: Vec::new(),
         triangles: Vec::new(),

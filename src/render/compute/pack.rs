@@ -22,6 +22,7 @@ pub struct Packed {
     triangles: Vec<io::Triangle>,
     triangle_shading: Vec<io::TriangleShading>,
     quadrics: Vec<io::Quadric>,
+    quadric_shading: Vec<io::QuadricShading>,
     materials: Vec<io::Material>,
     textures: Vec<io::Texture>,
     texels: Vec<[u32; 2]>,
@@ -47,9 +48,11 @@ impl Packed {
         packed.cells.extend(world.cells.iter().zip(&world.domain.cells).map(|(cell, faces)| io::Cell {
             first_face: faces.start as u32,
             face_count: faces.len() as u32,
-            root: cell.root.unwrap_or(NONE),
+            root: cell.tree.map_or(NONE, |tree| tree.root),
             first_light: if lights { cell.lights.start as u32 } else { 0 },
             light_count: if lights { cell.lights.len() as u32 } else { 0 },
+            grid_lower: cell.tree.map_or([0.0; 3], |tree| vec3(tree.grid.lower)),
+            grid_scale: cell.tree.map_or([1.0; 3], |tree| vec3(tree.grid.scale)),
         }));
         if uses(Feature::Meshes) {
             packed.triangles.extend(world.triangles.iter().map(|[a, b, c]| io::Triangle {
@@ -60,8 +63,16 @@ impl Packed {
             packed.triangle_shading.clone_from(&world.triangle_shading);
         }
         if uses(Feature::Quadrics) {
-            packed.quadrics.extend(world.quadrics.iter().map(|q| io::Quadric {
-                form: q.form.as_mat4().to_cols_array_2d(),
+            packed.quadrics.extend(world.quadrics.iter().map(|q| {
+                let at = |row: usize, column: usize| q.form.col(column)[row] as f32;
+                io::Quadric {
+                    diagonal: [at(0, 0), at(1, 1), at(2, 2)],
+                    mixed: [at(1, 2), at(2, 0), at(0, 1)],
+                    linear: [at(0, 3), at(1, 3), at(2, 3)],
+                    constant: at(3, 3),
+                }
+            }));
+            packed.quadric_shading.extend(world.quadrics.iter().map(|q| io::QuadricShading {
                 clip0: vec4(q.clip[0]),
                 clip1: vec4(q.clip[1]),
                 material: q.material,
@@ -102,7 +113,7 @@ impl Packed {
     }
 
     /// Binding, name and bytes of each array.
-    pub fn parts(&self) -> [(u32, &'static str, &[u8]); 12] {
+    pub fn parts(&self) -> [(u32, &'static str, &[u8]); 13] {
         use bytemuck::cast_slice;
         [
             (binding::faces, "faces", cast_slice(&self.faces)),
@@ -112,6 +123,7 @@ impl Packed {
             (binding::triangles, "triangles", cast_slice(&self.triangles)),
             (binding::triangle_shading, "triangle shading", cast_slice(&self.triangle_shading)),
             (binding::quadric_surfaces, "quadrics", cast_slice(&self.quadrics)),
+            (binding::quadric_shading, "quadric shading", cast_slice(&self.quadric_shading)),
             (binding::materials, "materials", cast_slice(&self.materials)),
             (binding::texture_table, "textures", cast_slice(&self.textures)),
             (binding::texels, "texels", cast_slice(&self.texels)),

@@ -8,6 +8,7 @@ use crate::{
     geometry::Geometry,
     render::{
         Shot,
+        bvh::{Tree, child_of},
         plan::Feature,
         world::{World, WorldQuadric},
     },
@@ -15,7 +16,7 @@ use crate::{
     shader_io::{COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, QUADRIC_BIT, SHADOW_BOUNCES, STACK_SIZE},
     space::walk::{Path, Segment, Status, stage_transport},
 };
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 /// Everything that tracing reads: the world, the plan's switches, the shot.
 pub struct Tracer<'a, G> {
@@ -76,7 +77,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
         counts: &mut Counts,
         crossed: impl FnMut(usize),
     ) -> Option<Surface> {
-        match self.traverse(segment, self.world.cells[path.cell].root, false, counts) {
+        match self.traverse(segment, self.world.cells[path.cell].tree, false, counts) {
             Some(reference) => Some(self.stage_closest_hit(path, segment, reference)),
             None => {
                 stage_transport(self.geometry, &self.world.domain, path, self.world.settings.bounces, crossed);
@@ -87,7 +88,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
 
     /// Traces one segment of a shadow ray: a hit ends it, a miss transports it.
     pub(super) fn trace_shadow_segment(&self, path: &mut Path, segment: Segment, counts: &mut Counts) {
-        if self.traverse(segment, self.world.cells[path.cell].root, true, counts).is_some() {
+        if self.traverse(segment, self.world.cells[path.cell].tree, true, counts).is_some() {
             path.status = Status::Hit;
         } else {
             stage_transport(self.geometry, &self.world.domain, path, SHADOW_BOUNCES, |_| ());
@@ -125,30 +126,34 @@ impl<'a, G: Geometry> Tracer<'a, G> {
     }
 
     /// Walks the hierarchy front to back and returns the primitive hit; with `any_hit` the first one found will do.
-    fn traverse(&self, segment: Segment, root: Option<u32>, any_hit: bool, counts: &mut Counts) -> Option<u32> {
+    fn traverse(&self, segment: Segment, tree: Option<Tree>, any_hit: bool, counts: &mut Counts) -> Option<u32> {
         let mut hit = None;
         if !(self.uses.meshes || self.uses.quadrics) {
             return hit;
         }
-        let mut current = root?;
-        // A zero component would make 0 · ∞ = NaN at a box face; a tiny one behaves as a parallel ray.
-        let reciprocal = segment.direction.to_array().map(|d| if d.abs() < 1e-20 { 1e20 } else { 1.0 / d }).into();
+        let Tree { root, grid } = tree?;
+        let mut current = root;
+        // The segment in units of the grid. A zero component would make 0 · ∞ = NaN at a box face; a tiny one behaves
+        // as a parallel ray.
+        let origin = (segment.origin - grid.lower) * grid.scale;
+        let direction = segment.direction * grid.scale;
+        let reciprocal = direction.to_array().map(|d| if d.abs() < 1e-20 { 1e20 } else { 1.0 / d }).into();
         let mut s_end = 1.0 + 1e-12;
         let mut stack = [0_u32; STACK_SIZE as usize];
         let mut depth = 0;
         loop {
             let node = &self.world.nodes[current as usize];
             self.count(counts, COUNT_NODES);
-            let mut s0 = box_entry(node.lower0, node.upper0, segment.origin, reciprocal, s_end);
-            let mut s1 = box_entry(node.lower1, node.upper1, segment.origin, reciprocal, s_end);
-            if s0 != NO_HIT && node.count0 > 0 {
-                let first = node.child0 as usize;
-                self.leaf_hits(segment, first..first + node.count0 as usize, &mut s_end, &mut hit, counts);
+            let mut s0 = box_entry(node.box0, origin, reciprocal, s_end);
+            let mut s1 = box_entry(node.box1, origin, reciprocal, s_end);
+            let (child0, count0) = child_of(node.child0);
+            let (child1, count1) = child_of(node.child1);
+            if s0 != NO_HIT && count0 > 0 {
+                self.leaf_hits(segment, child0 as usize..(child0 + count0) as usize, &mut s_end, &mut hit, counts);
                 s0 = NO_HIT;
             }
-            if s1 <= s_end && node.count1 > 0 {
-                let first = node.child1 as usize;
-                self.leaf_hits(segment, first..first + node.count1 as usize, &mut s_end, &mut hit, counts);
+            if s1 <= s_end && count1 > 0 {
+                self.leaf_hits(segment, child1 as usize..(child1 + count1) as usize, &mut s_end, &mut hit, counts);
                 s1 = NO_HIT;
             }
             if any_hit && hit.is_some() {
@@ -156,13 +161,13 @@ impl<'a, G: Geometry> Tracer<'a, G> {
             }
             match (s0 <= s_end, s1 <= s_end) {
                 (true, true) => {
-                    let (near, far) = if s1 < s0 { (node.child1, node.child0) } else { (node.child0, node.child1) };
+                    let (near, far) = if s1 < s0 { (child1, child0) } else { (child0, child1) };
                     stack[depth] = far;
                     depth += 1;
                     current = near;
                 }
-                (true, false) => current = node.child0,
-                (false, true) => current = node.child1,
+                (true, false) => current = child0,
+                (false, true) => current = child1,
                 (false, false) if depth > 0 => {
                     depth -= 1;
                     current = stack[depth];
@@ -173,10 +178,12 @@ impl<'a, G: Geometry> Tracer<'a, G> {
     }
 }
 
-/// Entry of a segment into a box, in s, or [`NO_HIT`] if it does not enter before `s_end`.
-fn box_entry(lower: [f32; 3], upper: [f32; 3], origin: DVec3, reciprocal: DVec3, s_end: f64) -> f64 {
-    let a = (Vec3::from(lower).as_dvec3() - origin) * reciprocal;
-    let b = (Vec3::from(upper).as_dvec3() - origin) * reciprocal;
+/// Entry of a segment into a box, in s, or [`NO_HIT`] if it does not enter before `s_end`. All in units of the grid.
+fn box_entry(lines: [u32; 3], origin: DVec3, reciprocal: DVec3, s_end: f64) -> f64 {
+    let low = lines.map(|line| f64::from(line & 0xffff));
+    let high = lines.map(|line| f64::from(line >> 16));
+    let a = (DVec3::from(low) - origin) * reciprocal;
+    let b = (DVec3::from(high) - origin) * reciprocal;
     let enter = a.min(b).max_element().max(0.0);
     let leave = a.max(b).min_element().min(s_end);
     if enter <= leave { enter } else { NO_HIT }

@@ -97,6 +97,10 @@ impl<'a, G: Geometry> Builder<'a, G> {
     }
 
     fn finish(self, observer: Frame) -> Result<World, WorldError> {
+        let primitives = self.triangles.len() + self.quadrics.len();
+        if primitives >= bvh::MAX_PRIMITIVES {
+            return Err(WorldError::TooManyPrimitives(primitives, bvh::MAX_PRIMITIVES));
+        }
         let (lights, light_ranges) = self.lights()?;
         let mut domain = self.domain;
         if self.plan.uses(Feature::Labels) {
@@ -108,7 +112,7 @@ impl<'a, G: Geometry> Builder<'a, G> {
             .iter()
             .zip(light_ranges)
             .map(|(content, lights)| WorldCell {
-                root: bvh::build(&content.boxes, &content.names, &mut nodes, &mut primitives),
+                tree: bvh::build(&content.boxes, &content.names, &mut nodes, &mut primitives),
                 lights,
             })
             .collect();

@@ -9,7 +9,7 @@ mod place;
 
 use crate::{
     geometry::GeometryId,
-    render::plan::Plan,
+    render::{bvh::Tree, plan::Plan},
     scene::{Material, Settings, Texture},
     shader_io::{Node, TriangleShading},
     space::domain::Domain,
@@ -29,7 +29,7 @@ pub struct World {
     pub domain: Domain,
     /// The cells, parallel to [`Domain::cells`].
     pub cells: Vec<WorldCell>,
-    /// Bounding volume hierarchies of all cells (boxes in f32, rounded outwards).
+    /// Bounding volume hierarchies of all cells (boxes on a grid, rounded outwards).
     pub nodes: Vec<Node>,
     /// Primitive references in leaf order: a triangle's index, or a quadric's with `QUADRIC_BIT`.
     pub primitives: Vec<u32>,
@@ -50,8 +50,8 @@ pub struct World {
 /// What is in a cell.
 #[derive(Clone, Debug)]
 pub struct WorldCell {
-    /// Root of the hierarchy in [`World::nodes`], if the cell has anything in it.
-    pub root: Option<u32>,
+    /// The hierarchy in [`World::nodes`], if the cell has anything in it.
+    pub tree: Option<Tree>,
     /// Into [`World::lights`].
     pub lights: std::ops::Range<usize>,
 }
@@ -96,6 +96,9 @@ pub enum WorldError {
     /// A cell's vertices lie outside of the chart.
     #[error("{0}: a vertex of the cell lies outside of the chart")]
     OutsideChart(String),
+    /// More primitives than references can name.
+    #[error("the scene has {0} triangles and quadrics in its cells, but at most {1} can be told apart")]
+    TooManyPrimitives(usize, usize),
     /// A cell is not a bounded polyhedron.
     #[error(transparent)]
     Polyhedron(#[from] crate::space::polyhedron::PolyhedronError),
