@@ -5,7 +5,7 @@ use anyhow::Context;
 use serde_json::{Value, json};
 use std::{
     fs::File,
-    io::{BufRead, BufReader, BufWriter, Write, stdin, stdout},
+    io::{BufRead, BufReader, BufWriter, ErrorKind, Write, stdin, stdout},
     path::Path,
 };
 
@@ -29,15 +29,17 @@ pub fn run(
     };
     let mut out = BufWriter::new(stdout().lock());
     let mut chunk = Vec::new();
-    let mut lines = reader.lines().enumerate().peekable();
+    // Bytes, so that a line that is no text is refused alone.
+    let mut lines = reader.split(b'\n').enumerate().peekable();
     while let Some((number, line)) = lines.next() {
         let line = line.with_context(|| path.display().to_string()).map_err(Failure::Refused)?;
-        if !line.trim().is_empty() {
-            chunk.push(
-                serde_json::from_str(&line).map_err(|error| {
-                    format!("line {}, column {}: no JSON object: {error}", number + 1, error.column())
-                }),
-            );
+        if !line.trim_ascii().is_empty() {
+            chunk.push(serde_json::from_slice(&line).map_err(|error| {
+                let (message, column) = (error.to_string(), error.column());
+                // serde_json's own place counts lines within the line.
+                let message = message.rsplit_once(" at line ").map_or(message.as_str(), |(what, _)| what);
+                format!("line {}, column {column}: no JSON object: {message}", number + 1)
+            }));
         }
         if chunk.len() == CHUNK || (lines.peek().is_none() && !chunk.is_empty()) {
             for result in work(std::mem::take(&mut chunk))? {
@@ -48,7 +50,10 @@ pub fn run(
             }
         }
     }
-    out.flush().context("standard output").map_err(Failure::Failed)
+    match out.flush() {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        result => result.context("standard output").map_err(Failure::Failed),
+    }
 }
 
 /// A case's fields, with every unknown, missing or wrong one named.

@@ -10,13 +10,13 @@ use std::io::stdout;
 
 pub(super) fn run(args: &DevicesArgs) -> Outcome {
     // Listing does not choose, so a device that the environment picks is not looked for.
-    let options = ContextOptions::from_env().map_err(Failure::refused)?;
+    let options = ContextOptions::from_env().map_err(Failure::vulkan)?;
     let devices = match vulkan::devices(&options) {
         Ok(devices) => Ok(devices),
         Err(error @ (VulkanError::NoLoader(_) | VulkanError::OldLoader(_) | VulkanError::NoDevice)) => {
             Err(error.to_string())
         }
-        Err(error) => return Err(Failure::failed(error)),
+        Err(error) => return Err(Failure::vulkan(error)),
     };
     let runtime = xr::runtime();
     let text = if args.json { as_json(&devices, &runtime).to_string() } else { as_text(&devices, &runtime) };

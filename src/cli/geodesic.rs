@@ -122,7 +122,7 @@ impl Engine {
         if !device {
             return Ok(Self::Cpu);
         }
-        let context = Context::new(&ContextOptions::from_env().map_err(Failure::refused)?).map_err(Failure::failed)?;
+        let context = Context::new(&ContextOptions::from_env().map_err(Failure::vulkan)?).map_err(Failure::vulkan)?;
         Ok(Self::Device { context, probes: HashMap::new() })
     }
 

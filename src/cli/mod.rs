@@ -15,13 +15,20 @@ use crate::{
     geometry::GEOMETRIES,
     render::plan::Feature,
     scene::{MAX_BOUNCES, Shading},
+    vulkan::VulkanError,
 };
 use clap::{
-    Args, Parser, Subcommand, ValueEnum,
+    Args, CommandFactory, Parser, Subcommand, ValueEnum,
     builder::{PossibleValuesParser, TypedValueParser},
     error::ErrorKind,
 };
-use std::{ffi::OsString, fmt, io, path::PathBuf, process::ExitCode};
+use std::{
+    ffi::OsString,
+    fmt,
+    io::{self, IsTerminal},
+    path::PathBuf,
+    process::ExitCode,
+};
 
 /// Why a command ended without doing its work.
 #[derive(Debug)]
@@ -41,6 +48,14 @@ impl Failure {
         Self::Failed(error.into())
     }
 
+    /// A device that failed; what the user's variables say of it is input.
+    fn vulkan(error: VulkanError) -> Self {
+        match error {
+            VulkanError::Variable { .. } | VulkanError::UnknownDevice { .. } => Self::refused(error),
+            _ => Self::failed(error),
+        }
+    }
+
     /// 1 for refused input, 2 for a failure.
     pub fn exit_code(&self) -> ExitCode {
         match self {
@@ -55,7 +70,9 @@ impl fmt::Display for Failure {
         let (Self::Refused(error) | Self::Failed(error)) = self;
         // The chain of causes on one line, whatever they contain.
         let text = format!("{error:#}");
-        f.write_str(text.lines().map(str::trim).collect::<Vec<_>>().join(" ").trim())
+        let line = text.lines().map(str::trim).collect::<Vec<_>>().join(" ");
+        // Names from outside may hold control sequences.
+        f.write_str(&line.trim().replace(char::is_control, " "))
     }
 }
 
@@ -242,7 +259,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Outcome {
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(error) if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
-            print_ignoring_closed_pipe(&error.render().ansi().to_string());
+            let text = error.render();
+            let colored = io::stdout().is_terminal();
+            print_ignoring_closed_pipe(&if colored { text.ansi().to_string() } else { text.to_string() });
             return Ok(());
         }
         Err(error) => return Err(Failure::Refused(anyhow::Error::msg(usage_error(&error)))),
@@ -258,9 +277,23 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Outcome {
 
 /// clap's message without its usage block, on one line.
 fn usage_error(error: &clap::Error) -> String {
+    if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        let names: Vec<String> = Cli::command().get_subcommands().map(|c| c.get_name().to_owned()).collect();
+        return format!("a command is missing: {} (--help explains them)", names.join(", "));
+    }
     let text = error.render().to_string();
-    let lines: Vec<&str> = text.lines().map(str::trim).take_while(|line| !line.starts_with("Usage:")).collect();
-    let message = lines.iter().filter(|line| !line.is_empty()).copied().collect::<Vec<_>>().join(" ");
+    let lines = text.lines().map(str::trim).take_while(|line| !line.starts_with("Usage:"));
+    let mut message = String::new();
+    for line in lines.filter(|line| !line.is_empty() && !line.starts_with("For more information")) {
+        // Lists of values and of arguments belong to the line before them, tips do not.
+        message += match message.chars().last() {
+            None => "",
+            Some(':') => " ",
+            Some(_) if line.starts_with('[') => " ",
+            Some(_) => "; ",
+        };
+        message += line;
+    }
     message.strip_prefix("error: ").unwrap_or(&message).to_owned()
 }
 

@@ -41,19 +41,28 @@ impl PendingFile {
     /// Opens a file beside `path`, so that work does not start when its result could not be written.
     ///
     /// # Errors
-    /// Refused input if the folder does not exist or may not be written, or the path is a folder.
+    /// Refused input if the folder does not exist or may not be written, or the path is something that must not be
+    /// replaced: a folder, a device, a file that is read-only.
     pub fn create(path: &Path) -> Result<Self, Failure> {
         let shown = path.display().to_string();
-        if path.is_dir() {
-            return Err(Failure::refused(anyhow::anyhow!("{shown}: is a folder")));
+        let refuse = |why: String| Failure::refused(anyhow::anyhow!("{shown}: {why}"));
+        // A rename would replace devices and files that are protected as readily as any other.
+        match path.metadata() {
+            Ok(there) if there.is_dir() => return Err(refuse("is a folder".to_owned())),
+            Ok(there) if !there.is_file() => return Err(refuse("is not a plain file".to_owned())),
+            Ok(there) if there.permissions().readonly() => return Err(refuse("is read-only".to_owned())),
+            Ok(_) | Err(_) => {}
         }
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !folder.is_dir() {
+            return Err(refuse(format!("there is no folder {}", folder.display())));
+        }
         let file = tempfile::Builder::new()
             .prefix(".holonomy-")
             .suffix(".tmp")
             .tempfile_in(folder)
-            .with_context(|| format!("{shown}: cannot write there"))
-            .map_err(Failure::Refused)?;
+            // Without the temporary name, which says nothing.
+            .map_err(|error| refuse(format!("cannot write into its folder: {}", error.kind())))?;
         Ok(Self { path: path.to_owned(), file })
     }
 

@@ -23,7 +23,7 @@ use glam::DVec3;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Value, json};
 use std::{
-    io::IsTerminal,
+    io::{IsTerminal, Write},
     sync::{Arc, OnceLock},
     time::{Duration, Instant},
 };
@@ -46,11 +46,13 @@ pub(super) fn run(args: &RenderArgs) -> Outcome {
 
     let plan = Plan::new(&scene, stats_file.is_some()).keep(&args.keep);
     let (mut backend, reason) = backend_for(args.backend, &plan)?;
-    eprintln!("{reason}");
     let world = Arc::new(World::new(&scene, &plan, scene.observer.frame).map_err(Failure::refused)?);
     let loading = Instant::now();
     backend.load(&world).map_err(render_failure)?;
     let load_time = loading.elapsed();
+    // Only now that nothing can be refused any more, so that a refusal is the only line. A closed stderr is no reason
+    // to stop.
+    let _ = writeln!(std::io::stderr(), "{reason}");
 
     let eyes = if args.stereo { stereo_eyes(&scene)? } else { vec![scene.observer.frame] };
     let mut target = Target::new([args.size[0] * eyes.len() as u32, args.size[1]]);
@@ -80,13 +82,13 @@ pub(super) fn run(args: &RenderArgs) -> Outcome {
 fn backend_for(choice: BackendChoice, plan: &Plan) -> Result<(Box<dyn Backend>, String), Failure> {
     let (backend, reason): (Box<dyn Backend>, _) = match choice {
         BackendChoice::Auto => {
-            let chosen = auto::choose(plan).map_err(Failure::failed)?;
+            let chosen = auto::choose(plan).map_err(Failure::vulkan)?;
             (chosen.backend, chosen.reason)
         }
         BackendChoice::Cpu => (Box::new(CpuBackend::default()), String::from("backend cpu: asked for")),
         BackendChoice::Compute => {
-            let options = ContextOptions::from_env().map_err(Failure::failed)?;
-            let context = Context::new(&options).map_err(Failure::failed)?;
+            let options = ContextOptions::from_env().map_err(Failure::vulkan)?;
+            let context = Context::new(&options).map_err(Failure::vulkan)?;
             let backend = ComputeBackend::new(&context).map_err(Failure::failed)?;
             let reason = format!("backend compute: {} (asked for)", backend.device());
             (Box::new(backend), reason)
