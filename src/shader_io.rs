@@ -100,9 +100,9 @@ structures! {
     struct Face {
         /// Inner side is `plane · (chart, 1) ≤ 0`.
         plane: vec4,
-        /// Linear part of the pairing isometry.
+        /// Linear part of the pairing, folded as `geo_cross` wants it.
         linear: mat4,
-        /// Rest of the pairing isometry.
+        /// Rest of the folded pairing.
         shift: vec4,
         /// Cell on the other side.
         cell: uint,
@@ -170,15 +170,17 @@ structures! {
         object: uint,
     }
 
-    /// The surface `xᵀQx = 0`, `x = (chart, 1)`; inside is negative.
+    /// The surface `Σ (form · x)² = quadratic |chart|² + constant`, `x = (chart, 1)`.
     struct Quadric {
-        /// `Q` at (x, x), (y, y), (z, z).
-        diagonal: vec3,
-        /// `Q` at (y, z), (z, x), (x, y).
-        mixed: vec3,
-        /// `Q` at (x, w), (y, w), (z, w).
-        linear: vec3,
-        /// `Q` at (w, w).
+        /// First linear form.
+        form0: vec4,
+        /// Second linear form.
+        form1: vec4,
+        /// Third linear form; zero for a tube.
+        form2: vec4,
+        /// Coefficient of the chart point's square.
+        quadratic: float,
+        /// The rest.
         constant: float,
     }
 

@@ -21,6 +21,7 @@
 //   vec4     geo_unchart(vec3 c)                            and back
 //   vec4     geo_raise(vec4 p, vec3 conormal)               unit normal of a surface with this chart conormal
 //   Geodesic geo_apply(Isometry m, Geodesic g)              image of the state under an isometry
+//   Geodesic geo_cross(Isometry m, vec4 plane, Geodesic g)  passage through the face `plane`, m folded as in Rust
 //
 // The curve parameter is the geometry's own: 0 at the start, increasing with arc length, chosen so that exits
 // are cheap. A segment for traversal is the chord chart(g) .. chart(geo_advance(g, u)), so where geodesics are
@@ -95,4 +96,11 @@ vec4 geo_raise(vec4 p, vec3 conormal) {
 
 Geodesic geo_apply(Isometry m, Geodesic g) {
     return Geodesic(m.linear * g.point, m.linear * g.velocity);
+}
+
+Geodesic geo_cross(Isometry folded, vec4 plane, Geodesic g) {
+    vec4 normal = vec4(plane.xyz, 0.0);
+    vec4 point = g.point - normal * (2.0 * dot(plane, g.point));
+    vec4 velocity = g.velocity - normal * (2.0 * dot(plane, g.velocity));
+    return geo_apply(folded, Geodesic(point, velocity));
 }

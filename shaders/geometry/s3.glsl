@@ -90,3 +90,10 @@ vec4 geo_raise(vec4 p, vec3 conormal) {
 Geodesic geo_apply(Isometry m, Geodesic g) {
     return Geodesic(m.linear * g.point, m.linear * g.velocity);
 }
+
+Geodesic geo_cross(Isometry folded, vec4 plane, Geodesic g) {
+    vec4 normal = plane;
+    vec4 point = g.point - normal * (2.0 * dot(plane, g.point));
+    vec4 velocity = g.velocity - normal * (2.0 * dot(plane, g.velocity));
+    return geo_apply(folded, Geodesic(point, velocity));
+}

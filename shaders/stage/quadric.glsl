@@ -5,14 +5,10 @@
 #include "stage/walk.glsl"
 #include "stage/triangle.glsl"
 
-// The quadratic part times a vector.
-vec3 quadric_times(Quadric q, vec3 v) {
-    return q.diagonal * v + q.mixed.zxy * v.yzx + q.mixed.yzx * v.zxy;
-}
-
 // Half of the gradient of x^T Q x at a chart point.
 vec3 quadric_gradient(Quadric q, vec3 c) {
-    return quadric_times(q, c) + q.linear;
+    vec4 x = vec4(c, 1.0);
+    return q.form0.xyz * dot(q.form0, x) + q.form1.xyz * dot(q.form1, x) + q.form2.xyz * dot(q.form2, x) - q.quadratic * c;
 }
 
 bool quadric_clipped(uint index, vec3 c) {
@@ -24,11 +20,26 @@ bool quadric_clipped(uint index, vec3 c) {
 // Smallest s in [0, min(1, s_end)] at which the segment meets the surface, or NO_HIT. An eye inside sees the far wall.
 float quadric_hit(Segment segment, uint index, float s_end) {
     Quadric quadric = io_quadric_surfaces[index];
-    vec3 qd = quadric_times(quadric, segment.direction);
-    float a = dot(segment.direction, qd);
-    float b = dot(segment.origin, qd) + dot(quadric.linear, segment.direction);
-    float c = dot(segment.origin, quadric_gradient(quadric, segment.origin) + quadric.linear) + quadric.constant;
-    float discriminant = b * b - a * c;
+    vec4 x = vec4(segment.origin, 1.0);
+    vec3 d = segment.direction;
+    vec3 f = vec3(dot(quadric.form0, x), dot(quadric.form1, x), dot(quadric.form2, x));
+    vec3 g = vec3(dot(quadric.form0.xyz, d), dot(quadric.form1.xyz, d), dot(quadric.form2.xyz, d));
+    float oo = dot(x.xyz, x.xyz);
+    float od = dot(x.xyz, d);
+    float dd = dot(d, d);
+    float ff = dot(f, f);
+    float fg = dot(f, g);
+    float gg = dot(g, g);
+    float k2 = quadric.quadratic;
+    float k0 = quadric.constant;
+    float a = gg - k2 * dd;
+    float b = fg - k2 * od;
+    float c = ff - k2 * oo - k0;
+    // b^2 - ac with (f.g)^2 - f^2 g^2 replaced by -|f x g|^2: what is left are terms of the size of the result. The
+    // textbook form loses the silhouette of a tube of radius r by the rounding of 1/r.
+    vec3 moment = cross(f, g);
+    float small = gg * (k2 * oo + k0) + k2 * (dd * ff - 2.0 * fg * od) + k2 * (k2 * (od * od - dd * oo) - dd * k0);
+    float discriminant = small - dot(moment, moment);
     if (discriminant < 0.0) return NO_HIT;
     // The root that does not cancel, and the other from the product of both.
     float q = -(b + (b < 0.0 ? -1.0 : 1.0) * sqrt(discriminant));

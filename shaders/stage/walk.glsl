@@ -47,7 +47,7 @@ uint walk_cell(Path path) {
 
 // Takes the path through a face.
 void walk_cross(inout Path path, Geodesic g, uint face) {
-    Geodesic h = geo_restore(geo_apply(Isometry(io_faces[face].linear, io_faces[face].shift), g));
+    Geodesic h = geo_restore(geo_cross(Isometry(io_faces[face].linear, io_faces[face].shift), io_faces[face].plane, g));
     path.point = h.point;
     path.velocity = h.velocity;
     path.bounces++;

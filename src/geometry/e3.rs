@@ -4,7 +4,7 @@
 //! coordinate is not shown to users. The chart is `(x, y, z)`, the curve parameter is arc length, geodesics are
 //! straight in the chart, and every formula is exact.
 
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, spatial};
+use super::{ALONG_FACE, Geodesic, Geometry, Isometry, Quadric, across, spatial};
 use glam::{DMat3, DMat4, DVec3, DVec4, Vec4Swizzles};
 
 /// Euclidean three-space.
@@ -119,6 +119,16 @@ impl Geometry for E3 {
         Geodesic { point: m.linear * g.point, velocity: m.linear * g.velocity }
     }
 
+    fn fold(&self, plane: DVec4, pairing: &Isometry) -> Isometry {
+        let column = |unit: DVec4| reflect(plane, Geodesic { point: unit, velocity: unit }).point;
+        let reflection = DMat4::from_cols(column(DVec4::X), column(DVec4::Y), column(DVec4::Z), column(DVec4::W));
+        Isometry::linear(pairing.linear * reflection)
+    }
+
+    fn cross(&self, folded: &Isometry, plane: DVec4, g: Geodesic) -> Geodesic {
+        self.apply(folded, reflect(plane, g))
+    }
+
     fn inverse(&self, m: &Isometry) -> Isometry {
         let rotation = DMat3::from_mat4(m.linear).transpose();
         let shift = -(rotation * spatial(m.linear.w_axis));
@@ -144,25 +154,23 @@ impl Geometry for E3 {
         (length > 0.0).then(|| (q / length).extend(-0.5 * length))
     }
 
-    fn ball(&self, centre: DVec4, radius: f64) -> DMat4 {
+    fn ball(&self, centre: DVec4, radius: f64) -> Quadric {
         let c = spatial(centre);
-        quadric(DMat3::IDENTITY, c, radius)
+        let forms = DVec3::AXES.map(|axis| axis.extend(-axis.dot(c)));
+        Quadric { forms, quadratic: 0.0, constant: radius * radius }
     }
 
-    fn tube(&self, axis: Geodesic, radius: f64) -> DMat4 {
-        let v = spatial(axis.velocity);
-        let across = DMat3::from_cols(DVec3::X - v * v.x, DVec3::Y - v * v.y, DVec3::Z - v * v.z);
-        quadric(across, spatial(axis.point), radius)
+    fn tube(&self, axis: Geodesic, radius: f64) -> Quadric {
+        let [a, b] = across(*self, axis).map(|n| spatial(n).extend(-spatial(n).dot(spatial(axis.point))));
+        Quadric { forms: [a, b, DVec4::ZERO], quadratic: 0.0, constant: radius * radius }
     }
 }
 
-/// Matrix of `(x−c)ᵀ A (x−c) − r²`.
-fn quadric(a: DMat3, c: DVec3, radius: f64) -> DMat4 {
-    let side = -(a * c);
-    DMat4::from_cols(
-        a.x_axis.extend(side.x),
-        a.y_axis.extend(side.y),
-        a.z_axis.extend(side.z),
-        side.extend(c.dot(a * c) - radius * radius),
-    )
+/// Reflection in a plane with unit normal.
+fn reflect(plane: DVec4, g: Geodesic) -> Geodesic {
+    let normal = spatial(plane).extend(0.0);
+    Geodesic {
+        point: g.point - normal * (2.0 * plane.dot(g.point)),
+        velocity: g.velocity - normal * (2.0 * plane.dot(g.velocity)),
+    }
 }

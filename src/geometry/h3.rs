@@ -8,7 +8,7 @@
 //! Far from the base point ambient components grow like eᵈ. Lengths are therefore taken from the radial and the
 //! transverse part of a vector, which do not cancel; see [`Geometry::norm`].
 
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, spatial};
+use super::{ALONG_FACE, Geodesic, Geometry, Isometry, Quadric, across, spatial};
 use glam::{DMat4, DVec3, DVec4, Vec4Swizzles};
 
 /// Hyperbolic three-space of curvature −1.
@@ -162,6 +162,16 @@ impl Geometry for H3 {
         Geodesic { point: m.linear * g.point, velocity: m.linear * g.velocity }
     }
 
+    fn fold(&self, plane: DVec4, pairing: &Isometry) -> Isometry {
+        let column = |unit: DVec4| reflect(plane, Geodesic { point: unit, velocity: unit }).point;
+        let reflection = DMat4::from_cols(column(DVec4::X), column(DVec4::Y), column(DVec4::Z), column(DVec4::W));
+        Isometry::linear(pairing.linear * reflection)
+    }
+
+    fn cross(&self, folded: &Isometry, plane: DVec4, g: Geodesic) -> Geodesic {
+        self.apply(folded, reflect(plane, g))
+    }
+
     fn inverse(&self, m: &Isometry) -> Isometry {
         Isometry::linear(FORM * m.linear.transpose() * FORM)
     }
@@ -177,14 +187,16 @@ impl Geometry for H3 {
         (norm > 0.0).then(|| FORM * difference / norm.sqrt())
     }
 
-    fn ball(&self, centre: DVec4, radius: f64) -> DMat4 {
-        // ⟨x, c⟩² ≤ −cosh² r ⟨x, x⟩.
-        FORM * radius.cosh().powi(2) + outer(FORM * centre)
+    fn ball(&self, centre: DVec4, radius: f64) -> Quadric {
+        // The squared sinh of the distance from c is the part of −⟨x, x⟩ normal to c.
+        let share = radius.sinh().powi(2);
+        Quadric { forms: self.frame(centre).map(|e| FORM * e), quadratic: -share, constant: share }
     }
 
-    fn tube(&self, axis: Geodesic, radius: f64) -> DMat4 {
-        // The squared cosh of the distance to a geodesic is ⟨x, p⟩² − ⟨x, v⟩².
-        FORM * radius.cosh().powi(2) + outer(FORM * axis.point) - outer(FORM * axis.velocity)
+    fn tube(&self, axis: Geodesic, radius: f64) -> Quadric {
+        let [a, b] = across(*self, axis).map(|n| FORM * n);
+        let share = radius.sinh().powi(2);
+        Quadric { forms: [a, b, DVec4::ZERO], quadratic: -share, constant: share }
     }
 }
 
@@ -193,10 +205,6 @@ const FORM: DMat4 = DMat4::from_diagonal(DVec4::new(1.0, 1.0, 1.0, -1.0));
 
 fn minkowski(u: DVec4, v: DVec4) -> f64 {
     spatial(u).dot(spatial(v)) - u.w * v.w
-}
-
-fn outer(v: DVec4) -> DMat4 {
-    DMat4::from_cols(v * v.x, v * v.y, v * v.z, v * v.w)
 }
 
 /// What rounding cut off from w = √(1 + |x|²).
@@ -232,5 +240,14 @@ impl CompensatedSum {
 
     fn value(&self) -> f64 {
         self.sum + self.error
+    }
+}
+
+/// Reflection in a plane with unit (space-like) conormal.
+fn reflect(plane: DVec4, g: Geodesic) -> Geodesic {
+    let normal = FORM * plane;
+    Geodesic {
+        point: g.point - normal * (2.0 * plane.dot(g.point)),
+        velocity: g.velocity - normal * (2.0 * plane.dot(g.velocity)),
     }
 }

@@ -7,7 +7,7 @@
 
 mod sample;
 
-use super::{Geodesic, Geometry, Isometry, exponential, orthonormalise};
+use super::{Geodesic, Geometry, Isometry, Quadric, across, exponential};
 use glam::{DMat3, DVec3, DVec4, Vec4Swizzles};
 
 pub use sample::{Sample, samples};
@@ -42,6 +42,7 @@ pub fn laws<G: Geometry>() -> Vec<Law<G>> {
         law("isometry keeps inner", EXACT, isometry_keeps_inner),
         law("isometry takes geodesics to geodesics", EXACT, isometry_keeps_flow),
         law("isometries compose and invert", EXACT, isometries_are_a_group),
+        law("cross is the pairing that was folded", EXACT, cross_is_the_pairing),
         law("flow is a one-parameter family", EXACT, flow_adds),
         law("flow reverses", EXACT, flow_reverses),
         law("flow has unit speed", EXACT, flow_has_unit_speed),
@@ -112,17 +113,6 @@ fn chart_frame<G: Geometry>(geometry: G, p: DVec4) -> [DVec4; 3] {
 /// Gram matrix of two triples of tangent vectors.
 fn gram<G: Geometry>(geometry: G, p: DVec4, a: [DVec4; 3], b: [DVec4; 3]) -> DMat3 {
     DMat3::from_cols_array_2d(&b.map(|y| a.map(|x| geometry.inner(p, x, y))))
-}
-
-/// Two unit vectors normal to a unit vector and to each other.
-fn across<G: Geometry>(geometry: G, g: Geodesic) -> [DVec4; 2] {
-    let axes = geometry.frame(g.point);
-    // The two frame vectors that the velocity is least along.
-    let mut order = [0, 1, 2];
-    let along = axes.map(|axis| geometry.inner(g.point, axis, g.velocity).abs());
-    order.sort_by(|&a, &b| along[a].total_cmp(&along[b]));
-    let [_, u, v] = orthonormalise(geometry, g.point, [g.velocity, axes[order[0]], axes[order[1]]]);
-    [u, v]
 }
 
 fn reversed(g: Geodesic) -> Geodesic {
@@ -301,6 +291,18 @@ fn parameter_inverts_advance<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     gap(u, geometry.parameter(s.start, geometry.chart(geometry.advance(s.start, u).point)))
 }
 
+/// A state on a plane, taken through it by the folded pairing and by the pairing itself.
+fn cross_is_the_pairing<G: Geometry>(geometry: G, s: &Sample) -> f64 {
+    // The bisector of the base point and a point farther than the state: planes of domains are such.
+    let base = geometry.base();
+    let frame = geometry.frame(base);
+    let away = frame[0] * s.conormal.x + frame[1] * s.conormal.y + frame[2] * s.conormal.z;
+    let Some(plane) = geometry.bisector(exponential(geometry, base, away * (s.length + 0.1))) else { return 0.0 };
+    let pairing = &s.isometries[0];
+    let crossed = geometry.cross(&geometry.fold(plane, pairing), plane, s.start);
+    gap_geodesic(geometry.apply(pairing, s.start), crossed)
+}
+
 fn exit_is_first<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     // A plane on whose inner side the geodesic starts.
     let plane = s.conormal.extend(-s.conormal.dot(geometry.chart(s.start.point)) - 0.4 * s.length);
@@ -372,7 +374,8 @@ fn bisector_is_equidistant<G: Geometry>(geometry: G, s: &Sample) -> f64 {
 }
 
 /// Value of a quadric at a point, in units of its largest entry.
-fn quadric_value<G: Geometry>(geometry: G, q: glam::DMat4, p: DVec4) -> f64 {
+fn quadric_value<G: Geometry>(geometry: G, quadric: Quadric, p: DVec4) -> f64 {
+    let q = quadric.matrix();
     let x = geometry.chart(p).extend(1.0);
     let size = worst(q.to_cols_array().map(f64::abs)) * x.length_squared();
     x.dot(q * x) / size

@@ -3,7 +3,7 @@
 //! A geometry is a homogeneous Riemannian (or, for one of the book's spaces, Lorentzian) three-manifold with
 //! an explicit flow. Everything that the renderer, the spaces and the measurements know about it is the trait
 //! [`Geometry`], and its GLSL twin in `shaders/geometry/`, function by function under the same names with the
-//! prefix `geo_`. A new geometry is those two files and one line in [`registry`].
+//! prefix `geo_`. A new geometry is those two files and one line in the registry, `registry.rs`.
 //!
 //! **Points and tangent vectors** are four numbers whose meaning is the geometry's own (`mathematics` in the
 //! module of each geometry): ambient coordinates in R⁴ for the classical three.
@@ -56,6 +56,36 @@ impl Isometry {
     /// An isometry that is linear in the point's coordinates.
     pub const fn linear(linear: DMat4) -> Self {
         Self { linear, shift: DVec4::ZERO }
+    }
+}
+
+/// The surface `xᵀQx = 0` with `x = (c, 1)`, `c` in the chart, and inside negative: a sum of squares of linear forms
+/// minus a small multiple of the metric's own form, `Σ (Lᵢ·x)² − (quadratic |c|² + constant)`.
+///
+/// A thin tube is a small difference of large numbers in the entries of `Q`; here its radius stands alone, and the
+/// discriminant of a ray needs no cancellation (`shaders/stage/quadric.glsl`).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quadric {
+    /// The linear forms `Lᵢ`: the distances from mutually normal planes through the centre or the axis.
+    pub forms: [DVec4; 3],
+    /// Coefficient of `|c|²`.
+    pub quadratic: f64,
+    /// The rest.
+    pub constant: f64,
+}
+
+impl Quadric {
+    /// The symmetric matrix `Q`.
+    pub fn matrix(&self) -> DMat4 {
+        let k = -self.quadratic;
+        let rest = DMat4::from_diagonal(DVec4::new(k, k, k, -self.constant));
+        self.forms.iter().fold(rest, |sum, l| sum + DMat4::from_cols(*l * l.x, *l * l.y, *l * l.z, *l * l.w))
+    }
+
+    /// Half of the gradient of `xᵀQx` in the chart.
+    pub fn gradient(&self, c: DVec3) -> DVec3 {
+        let squares: DVec3 = self.forms.iter().map(|l| l.truncate() * l.dot(c.extend(1.0))).sum();
+        squares - c * self.quadratic
     }
 }
 
@@ -187,6 +217,21 @@ pub trait Geometry: Copy + Send + Sync + 'static {
     /// Image of a point and of a tangent vector there.
     fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic;
 
+    /// What [`cross`](Geometry::cross) needs of a pairing of the face `plane`. *Host only.*
+    ///
+    /// In the geometries with reflections every pairing is a reflection in its face followed by an isometry that,
+    /// for a Dirichlet domain, fixes the base point. A state on the face is hardly moved by the reflection, and the
+    /// second factor is orthogonal, so a passage costs one rounding where the pairing's own matrix, with entries of
+    /// the size of e²ʳ in a hyperbolic cell of inradius r, would cancel digits.
+    fn fold(&self, _plane: DVec4, pairing: &Isometry) -> Isometry {
+        *pairing
+    }
+
+    /// Image of a state on the face `plane` under its pairing, given as [`fold`](Geometry::fold) gives it.
+    fn cross(&self, folded: &Isometry, _plane: DVec4, g: Geodesic) -> Geodesic {
+        self.apply(folded, g)
+    }
+
     /// `a` after `b`. *Host only.*
     fn compose(&self, a: &Isometry, b: &Isometry) -> Isometry {
         Isometry::linear(a.linear * b.linear)
@@ -204,11 +249,11 @@ pub trait Geometry: Copy + Send + Sync + 'static {
 
     // --- quadrics -----------------------------------------------------------------------------------
 
-    /// Symmetric `Q` with `xᵀQx ≤ 0` (`x = (c, 1)`, `c` in the chart) exactly the metric ball. *Host only.*
-    fn ball(&self, centre: DVec4, radius: f64) -> DMat4;
+    /// The metric ball. *Host only.*
+    fn ball(&self, centre: DVec4, radius: f64) -> Quadric;
 
-    /// The same for the tube of points nearer than `radius` to the whole geodesic `axis`. *Host only.*
-    fn tube(&self, axis: Geodesic, radius: f64) -> DMat4;
+    /// The tube of points nearer than `radius` to the whole geodesic `axis`. *Host only.*
+    fn tube(&self, axis: Geodesic, radius: f64) -> Quadric;
 }
 
 /// A start this far outside a face plane (in the plane's own units) still counts as inside: the rounding of one
@@ -336,6 +381,17 @@ fn components_text<G: Geometry>(geometry: G, v: DVec4) -> String {
 pub fn exponential<G: Geometry>(geometry: G, p: DVec4, w: DVec4) -> DVec4 {
     let norm = geometry.norm(p, w);
     if norm == 0.0 { p } else { geometry.flow(Geodesic { point: p, velocity: w / norm }, norm).point }
+}
+
+/// Two unit vectors normal to a unit vector and to each other.
+pub fn across<G: Geometry>(geometry: G, g: Geodesic) -> [DVec4; 2] {
+    let axes = geometry.frame(g.point);
+    // The two frame vectors that the velocity is least along.
+    let mut order = [0, 1, 2];
+    let along = axes.map(|axis| geometry.inner(g.point, axis, g.velocity).abs());
+    order.sort_by(|&a, &b| along[a].total_cmp(&along[b]));
+    let [_, u, v] = orthonormalise(geometry, g.point, [g.velocity, axes[order[0]], axes[order[1]]]);
+    [u, v]
 }
 
 /// Gram–Schmidt in the metric at `p`, keeping the direction of the first vector.

@@ -4,8 +4,8 @@
 //! great circles are straight. Flow: `p cos t + v sin t`. Curve parameter: `tan(t/2)`, so that a ray passes the
 //! quarter turn, where the gnomonic `tan t` is infinite, without a special case.
 
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, spatial};
-use glam::{DMat4, DVec3, DVec4, Vec4Swizzles};
+use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric, across, spatial};
+use glam::{DMat4, DVec3, DVec4};
 use std::f64::consts::PI;
 
 /// The three-sphere of curvature 1.
@@ -143,6 +143,16 @@ impl Geometry for S3 {
         Geodesic { point: m.linear * g.point, velocity: m.linear * g.velocity }
     }
 
+    fn fold(&self, plane: DVec4, pairing: &Isometry) -> Isometry {
+        let column = |unit: DVec4| reflect(plane, Geodesic { point: unit, velocity: unit }).point;
+        let reflection = DMat4::from_cols(column(DVec4::X), column(DVec4::Y), column(DVec4::Z), column(DVec4::W));
+        Isometry::linear(pairing.linear * reflection)
+    }
+
+    fn cross(&self, folded: &Isometry, plane: DVec4, g: Geodesic) -> Geodesic {
+        self.apply(folded, reflect(plane, g))
+    }
+
     fn inverse(&self, m: &Isometry) -> Isometry {
         Isometry::linear(m.linear.transpose())
     }
@@ -158,17 +168,23 @@ impl Geometry for S3 {
         (norm > 0.0).then(|| difference / norm)
     }
 
-    fn ball(&self, centre: DVec4, radius: f64) -> DMat4 {
-        // ⟨x, c⟩ ≥ cos r |x|.
-        DMat4::IDENTITY * radius.cos().powi(2) - outer(centre.xyzw())
+    fn ball(&self, centre: DVec4, radius: f64) -> Quadric {
+        // The squared sine of the distance from c is the part of |x|² normal to c.
+        let share = radius.sin().powi(2);
+        Quadric { forms: self.frame(centre), quadratic: share, constant: share }
     }
 
-    fn tube(&self, axis: Geodesic, radius: f64) -> DMat4 {
-        // The squared cosine of the distance to a great circle is ⟨x, p⟩² + ⟨x, v⟩².
-        DMat4::IDENTITY * radius.cos().powi(2) - outer(axis.point) - outer(axis.velocity)
+    fn tube(&self, axis: Geodesic, radius: f64) -> Quadric {
+        let [a, b] = across(*self, axis);
+        let share = radius.sin().powi(2);
+        Quadric { forms: [a, b, DVec4::ZERO], quadratic: share, constant: share }
     }
 }
 
-fn outer(v: DVec4) -> DMat4 {
-    DMat4::from_cols(v * v.x, v * v.y, v * v.z, v * v.w)
+/// Reflection in the great sphere with unit normal `plane`.
+fn reflect(plane: DVec4, g: Geodesic) -> Geodesic {
+    Geodesic {
+        point: g.point - plane * (2.0 * plane.dot(g.point)),
+        velocity: g.velocity - plane * (2.0 * plane.dot(g.velocity)),
+    }
 }

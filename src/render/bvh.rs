@@ -272,9 +272,9 @@ mod tests {
                     for &name in &order[child as usize..][..count as usize] {
                         seen[name as usize] += 1;
                         let b = boxes[name as usize];
-                        for axis in 0..3 {
+                        for (axis, line) in lines.into_iter().enumerate() {
                             let at = |line: u32| f64::from(line) / tree.grid.scale[axis] + tree.grid.lower[axis];
-                            assert!(at(lines[axis] & 0xffff) < b.lower[axis] && at(lines[axis] >> 16) > b.upper[axis]);
+                            assert!(at(line & 0xffff) < b.lower[axis] && at(line >> 16) > b.upper[axis]);
                         }
                     }
                     if count == 0 {

@@ -1,7 +1,7 @@
 //! The faces of all cells in one list, for walking.
 
 use super::{FaceId, Space};
-use crate::geometry::Isometry;
+use crate::geometry::{Geometry, GeometryId, Isometry, Visitor, visit};
 use glam::DVec4;
 use std::ops::Range;
 
@@ -23,6 +23,8 @@ pub struct DomainFace {
     pub plane: DVec4,
     /// The pairing.
     pub pairing: Isometry,
+    /// The pairing as [`Geometry::cross`] wants it.
+    pub folded: Isometry,
     /// Cell behind the face.
     pub cell: usize,
     /// Index of the partner in the list.
@@ -45,6 +47,7 @@ impl Domain {
             .map(|(id, face)| DomainFace {
                 plane: face.plane,
                 pairing: face.pairing,
+                folded: fold(space.geometry, face.plane, &face.pairing),
                 cell: face.partner.cell,
                 partner: cells[face.partner.cell].start + face.partner.face,
                 id,
@@ -52,4 +55,15 @@ impl Domain {
             .collect();
         Self { faces, cells, labels: Vec::new() }
     }
+}
+
+fn fold(id: GeometryId, plane: DVec4, pairing: &Isometry) -> Isometry {
+    struct Fold<'a>(DVec4, &'a Isometry);
+    impl Visitor for Fold<'_> {
+        type Output = Isometry;
+        fn visit<G: Geometry>(self, geometry: G) -> Isometry {
+            geometry.fold(self.0, self.1)
+        }
+    }
+    visit(id, Fold(plane, pairing))
 }

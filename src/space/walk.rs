@@ -92,7 +92,7 @@ impl Path {
 
     fn cross<G: Geometry>(&mut self, geometry: G, domain: &Domain, from: Geodesic, face: usize) {
         let passed = &domain.faces[face];
-        self.state = geometry.restore(geometry.apply(&passed.pairing, from));
+        self.state = geometry.restore(geometry.cross(&passed.folded, passed.plane, from));
         self.bounces += 1;
         self.cell = passed.cell;
         if self.label != NONE && !domain.labels.is_empty() {

@@ -6,13 +6,7 @@
 
 use crate::support;
 use holonomy::{
-    render::{
-        Backend, Shot, Target,
-        compute::ComputeBackend,
-        cpu::CpuBackend,
-        plan::Plan,
-        world::World,
-    },
+    render::{Backend, Shot, Target, compute::ComputeBackend, cpu::CpuBackend, plan::Plan, world::World},
     scene::{Scene, Shading, file},
     space::catalogue,
     vulkan::Context,
@@ -92,8 +86,7 @@ impl Reference {
 
     /// Why the other picture does not agree, or the share of its pixels that differ.
     fn judge(&self, other: &[[i32; 3]]) -> Result<f64, String> {
-        let differing: Vec<usize> =
-            (0..other.len()).filter(|i| step(self.colors[*i], other[*i]) > EQUAL).collect();
+        let differing: Vec<usize> = (0..other.len()).filter(|i| step(self.colors[*i], other[*i]) > EQUAL).collect();
         let share = differing.len() as f64 / other.len() as f64;
         if share > 1.0 - SHARE {
             return Err(format!("{:.3} % of the pixels differ", 100.0 * share));

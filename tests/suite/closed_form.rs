@@ -168,9 +168,7 @@ fn closed_form_light_falls_off_by_area() {
             0.2 + distance
         ))
     };
-    let light = |distance: f64| {
-        f64::from(draw(&mut CpuBackend::default(), &scene(distance)).pixels[32 * 65 + 32][0])
-    };
+    let light = |distance: f64| f64::from(draw(&mut CpuBackend::default(), &scene(distance)).pixels[32 * 65 + 32][0]);
     let ratio = light(0.1) / light(0.3);
     assert!((ratio - 9.0).abs() < 1e-3, "{ratio} instead of 9");
 }

@@ -151,7 +151,9 @@ fn eyes(scene: &Scene) -> Vec<Frame> {
                 let third = geometry
                     .frame(point)
                     .into_iter()
-                    .map(|e| e - axes[0] * geometry.inner(point, e, axes[0]) - axes[1] * geometry.inner(point, e, axes[1]))
+                    .map(|e| {
+                        e - axes[0] * geometry.inner(point, e, axes[0]) - axes[1] * geometry.inner(point, e, axes[1])
+                    })
                     .max_by(|a, b| geometry.norm(point, *a).total_cmp(&geometry.norm(point, *b)))
                     .expect("three candidates");
                 let right = third / geometry.norm(point, third);

@@ -2,7 +2,7 @@
 
 use glam::{DMat4, DVec3, DVec4};
 use holonomy::geometry::laws::{laws, samples};
-use holonomy::geometry::{GEOMETRIES, Geodesic, Geometry, GeometryId, Isometry, Visitor, visit};
+use holonomy::geometry::{GEOMETRIES, Geodesic, Geometry, GeometryId, Isometry, Quadric, Visitor, visit};
 use holonomy::space::catalogue;
 
 /// Seed of all samples; change it to look elsewhere.
@@ -138,6 +138,8 @@ const FUNCTIONS: &[&str] = &[
     "lower",
     "volume_density",
     "apply",
+    "fold",
+    "cross",
     "compose",
     "inverse",
     "isometry_residual",
@@ -175,6 +177,11 @@ impl<G> Spoilt<G> {
     fn matrix(&self, function: &str, m: DMat4) -> DMat4 {
         let error = DMat4::from_cols(DVec4::X, DVec4::ZERO, DVec4::ZERO, DVec4::ZERO) * ERROR;
         if self.function == function { m + error } else { m }
+    }
+
+    fn quadric(&self, function: &str, mut quadric: Quadric) -> Quadric {
+        quadric.forms[0] = self.vector(function, quadric.forms[0]);
+        quadric
     }
 }
 
@@ -259,6 +266,13 @@ impl<G: Geometry> Geometry for Spoilt<G> {
     fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
         self.geodesic("apply", self.geometry.apply(m, g))
     }
+    fn fold(&self, plane: DVec4, pairing: &Isometry) -> Isometry {
+        let m = self.geometry.fold(plane, pairing);
+        Isometry { linear: self.matrix("fold", m.linear), shift: m.shift }
+    }
+    fn cross(&self, folded: &Isometry, plane: DVec4, g: Geodesic) -> Geodesic {
+        self.geodesic("cross", self.geometry.cross(folded, plane, g))
+    }
     fn compose(&self, a: &Isometry, b: &Isometry) -> Isometry {
         let m = self.geometry.compose(a, b);
         Isometry { linear: self.matrix("compose", m.linear), ..m }
@@ -273,10 +287,10 @@ impl<G: Geometry> Geometry for Spoilt<G> {
     fn bisector(&self, q: DVec4) -> Option<DVec4> {
         self.geometry.bisector(q).map(|p| self.vector("bisector", p))
     }
-    fn ball(&self, centre: DVec4, radius: f64) -> DMat4 {
-        self.matrix("ball", self.geometry.ball(centre, radius))
+    fn ball(&self, centre: DVec4, radius: f64) -> Quadric {
+        self.quadric("ball", self.geometry.ball(centre, radius))
     }
-    fn tube(&self, axis: Geodesic, radius: f64) -> DMat4 {
-        self.matrix("tube", self.geometry.tube(axis, radius))
+    fn tube(&self, axis: Geodesic, radius: f64) -> Quadric {
+        self.quadric("tube", self.geometry.tube(axis, radius))
     }
 }

@@ -1,10 +1,6 @@
 //! Shared structures in the compiled modules, and the contract of the geometry files.
 
-use holonomy::{
-    geometry::GEOMETRIES,
-    shader_io,
-    vulkan::shader::spirv,
-};
+use holonomy::{geometry::GEOMETRIES, shader_io, vulkan::shader::spirv};
 use naga::front::spv;
 use std::{collections::BTreeMap, fs, path::Path};
 
@@ -25,9 +21,15 @@ fn declared(words: &[u32]) -> BTreeMap<String, Vec<(String, u32)>> {
         let (length, op) = ((words[at] >> 16) as usize, words[at] & 0xffff);
         let operands = &words[at + 1..at + length];
         match op {
-            OP_NAME => drop(names.insert(operands[0], text(&operands[1..]))),
-            OP_MEMBER_NAME => drop(members.insert((operands[0], operands[1]), text(&operands[2..]))),
-            OP_MEMBER_DECORATE if operands[2] == OFFSET => drop(offsets.insert((operands[0], operands[1]), operands[3])),
+            OP_NAME => {
+                names.insert(operands[0], text(&operands[1..]));
+            }
+            OP_MEMBER_NAME => {
+                members.insert((operands[0], operands[1]), text(&operands[2..]));
+            }
+            OP_MEMBER_DECORATE if operands[2] == OFFSET => {
+                offsets.insert((operands[0], operands[1]), operands[3]);
+            }
             _ => {}
         }
         at += length;

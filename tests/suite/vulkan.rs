@@ -159,11 +159,7 @@ fn empty_world(count: bool) -> Arc<World> {
     };
     Arc::new(World {
         geometry: GeometryId::E3,
-        plan: Plan {
-            decisions: Feature::NAMES.iter().map(decide).collect(),
-            shading: Shading::Riemannian,
-            faces: 0,
-        },
+        plan: Plan { decisions: Feature::NAMES.iter().map(decide).collect(), shading: Shading::Riemannian, faces: 0 },
         settings: Settings { background: BACKGROUND, ..Settings::default() },
         domain: Domain { faces: Vec::new(), cells: std::iter::once(0..0).collect(), labels: Vec::new() },
         cells: vec![WorldCell { tree: None, lights: 0..0 }],

@@ -63,14 +63,12 @@ impl Packed {
             packed.triangle_shading.clone_from(&world.triangle_shading);
         }
         if uses(Feature::Quadrics) {
-            packed.quadrics.extend(world.quadrics.iter().map(|q| {
-                let at = |row: usize, column: usize| q.form.col(column)[row] as f32;
-                io::Quadric {
-                    diagonal: [at(0, 0), at(1, 1), at(2, 2)],
-                    mixed: [at(1, 2), at(2, 0), at(0, 1)],
-                    linear: [at(0, 3), at(1, 3), at(2, 3)],
-                    constant: at(3, 3),
-                }
+            packed.quadrics.extend(world.quadrics.iter().map(|q| io::Quadric {
+                form0: vec4(q.surface.forms[0]),
+                form1: vec4(q.surface.forms[1]),
+                form2: vec4(q.surface.forms[2]),
+                quadratic: q.surface.quadratic as f32,
+                constant: q.surface.constant as f32,
             }));
             packed.quadric_shading.extend(world.quadrics.iter().map(|q| io::QuadricShading {
                 clip0: vec4(q.clip[0]),
@@ -134,7 +132,7 @@ impl Packed {
 }
 
 fn face(face: &DomainFace) -> io::Face {
-    io::Face { plane: vec4(face.plane), cell: face.cell as u32, partner: face.partner as u32, ..pairing(&face.pairing) }
+    io::Face { plane: vec4(face.plane), cell: face.cell as u32, partner: face.partner as u32, ..pairing(&face.folded) }
 }
 
 /// A face that is nothing but a pairing.

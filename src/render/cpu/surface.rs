@@ -2,7 +2,7 @@
 
 use super::traverse::Tracer;
 use crate::{
-    geometry::Geometry,
+    geometry::{Geometry, Quadric},
     render::world::{World, WorldQuadric},
     scene::{Shading, Texture, Wrap},
     shader_io::{QUADRIC_BIT, TriangleShading},
@@ -53,11 +53,16 @@ pub(super) fn triangle_hit(segment: Segment, [a, b, c]: [DVec3; 3]) -> (f64, DVe
 
 /// Smallest s in [0, 1] at which the segment meets the surface, or [`NO_HIT`]. An eye inside sees the far wall.
 pub(super) fn quadric_hit(segment: Segment, quadric: &WorldQuadric) -> f64 {
-    let x = segment.origin.extend(1.0);
-    let d = segment.direction.extend(0.0);
-    let qd = quadric.form * d;
-    let (a, b, c) = (d.dot(qd), x.dot(qd), x.dot(quadric.form * x));
-    let discriminant = b * b - a * c;
+    let Quadric { forms, quadratic: k2, constant: k0 } = quadric.surface;
+    let (o, d) = (segment.origin, segment.direction);
+    let f = DVec3::from(forms.map(|l| l.dot(o.extend(1.0))));
+    let g = DVec3::from(forms.map(|l| l.truncate().dot(d)));
+    let (oo, od, dd) = (o.dot(o), o.dot(d), d.dot(d));
+    let (fg, gg) = (f.dot(g), g.dot(g));
+    let (a, b, c) = (gg - k2 * dd, fg - k2 * od, f.dot(f) - k2 * oo - k0);
+    // b² − ac with (f·g)² − f² g² replaced by −|f × g|²: what is left are terms of the size of the result.
+    let small = gg * (k2 * oo + k0) + k2 * (dd * f.dot(f) - 2.0 * fg * od) + k2 * (k2 * (od * od - dd * oo) - dd * k0);
+    let discriminant = small - f.cross(g).length_squared();
     if discriminant < 0.0 {
         return NO_HIT;
     }
@@ -66,7 +71,7 @@ pub(super) fn quadric_hit(segment: Segment, quadric: &WorldQuadric) -> f64 {
     let s0 = if q == 0.0 { NO_HIT } else { c / q };
     let s1 = if a == 0.0 { NO_HIT } else { q / a };
     let visible = |s: f64| {
-        let at = (segment.origin + segment.direction * s).extend(1.0);
+        let at = (o + d * s).extend(1.0);
         (0.0..=1.0).contains(&s) && quadric.clip.iter().all(|clip| clip.dot(at) >= 0.0)
     };
     [s0.min(s1), s0.max(s1)].into_iter().find(|s| visible(*s)).unwrap_or(NO_HIT)
@@ -121,7 +126,7 @@ impl<G: Geometry> Tracer<'_, G> {
         let (s, conormal, away, material, object, uv) = if reference & QUADRIC_BIT != 0 {
             let quadric = self.quadric(reference);
             let s = quadric_hit(segment, quadric);
-            let conormal = (quadric.form * (segment.origin + segment.direction * s).extend(1.0)).truncate();
+            let conormal = quadric.surface.gradient(segment.origin + segment.direction * s);
             let away = conormal.dot(segment.direction) > 0.0;
             (s, conormal, away, quadric.material, quadric.object, DVec2::ZERO)
         } else {

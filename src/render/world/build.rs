@@ -5,7 +5,7 @@ use super::{
     place::{Balls, Copy, Corners, all_beyond_one_face, copies},
 };
 use crate::{
-    geometry::{Geodesic, Geometry, Visitor, exponential, visit},
+    geometry::{Geodesic, Geometry, Quadric, Visitor, exponential, visit},
     render::{
         bvh::{self, Aabb},
         plan::{Feature, Plan},
@@ -14,7 +14,7 @@ use crate::{
     shader_io::{QUADRIC_BIT, TriangleShading},
     space::{deck, domain::Domain, observer::Frame, polyhedron::Polyhedron, reduce::reduce_frame},
 };
-use glam::{DMat3, DMat4, DVec3, DVec4};
+use glam::{DMat3, DVec3, DVec4};
 use rayon::prelude::*;
 
 impl World {
@@ -214,8 +214,8 @@ impl<'a, G: Geometry> Builder<'a, G> {
             let extent = Balls { centres: &[*centre], radius };
             for copy in copies(geometry, &self.domain, cell, &extent, &object.name)? {
                 let image = geometry.apply(&copy.isometry, Geodesic { point: *centre, velocity: DVec4::ZERO }).point;
-                let form = geometry.ball(image, radius);
-                self.add_quadric(index, object, copy, form, [DVec4::W; 2], ball_box(form));
+                let ball = geometry.ball(image, radius);
+                self.add_quadric(index, object, copy, ball, [DVec4::W; 2], ball_box(&ball));
             }
         }
         Ok(())
@@ -245,7 +245,7 @@ impl<'a, G: Geometry> Builder<'a, G> {
                 conormal.extend(-conormal.dot(geometry.chart(g.point)))
             };
             let bounds = (0..=BALLS)
-                .map(|i| ball_box(geometry.ball(geometry.flow(start, spacing * i as f64).point, wide)))
+                .map(|i| ball_box(&geometry.ball(geometry.flow(start, spacing * i as f64).point, wide)))
                 .fold(Aabb::EMPTY, Aabb::union);
             let clips = [clip(start, 1.0), clip(end, -1.0)];
             self.add_quadric(index, object, copy, geometry.tube(start, radius), clips, bounds);
@@ -254,14 +254,24 @@ impl<'a, G: Geometry> Builder<'a, G> {
     }
 
     /// Adds a quadric to a cell unless the same surface is there already (edges of a cell are copies of one another).
-    fn add_quadric(&mut self, index: usize, object: &Object, copy: Copy, form: DMat4, clip: [DVec4; 2], bounds: Aabb) {
+    fn add_quadric(
+        &mut self,
+        index: usize,
+        object: &Object,
+        copy: Copy,
+        surface: Quadric,
+        clip: [DVec4; 2],
+        bounds: Aabb,
+    ) {
         // Quadrics have a material of their own: the scene reader refuses them without.
         let material = object.material.unwrap_or(0) as u32;
         let same = |a: DVec4, b: DVec4| (a - b).abs().max_element() < 1e-9;
+        // Frames that name the same surface may be turned against each other, so its matrix is compared.
+        let form = surface.matrix();
         let is_known = self.quadrics.iter().zip(&self.quadric_cells).any(|(known, cell)| {
             *cell == copy.cell
                 && known.object == index as u32
-                && (0..4).all(|i| same(known.form.col(i), form.col(i)))
+                && (0..4).all(|i| same(known.surface.matrix().col(i), form.col(i)))
                 && (same(known.clip[0], clip[0]) && same(known.clip[1], clip[1])
                     || same(known.clip[0], clip[1]) && same(known.clip[1], clip[0]))
         });
@@ -272,7 +282,7 @@ impl<'a, G: Geometry> Builder<'a, G> {
         let content = &mut self.contents[copy.cell];
         content.names.push(self.quadrics.len() as u32 | QUADRIC_BIT);
         content.boxes.push(inside);
-        self.quadrics.push(WorldQuadric { form, clip, material, object: index as u32 });
+        self.quadrics.push(WorldQuadric { surface, clip, material, object: index as u32 });
         self.quadric_cells.push(copy.cell);
     }
 
@@ -323,8 +333,8 @@ fn place_vertex<G: Geometry>(geometry: G, frame: Frame, position: DVec3, normal:
 }
 
 /// The box of an ellipsoid in the chart: its tangent planes are the zeros of the inverse matrix.
-fn ball_box(form: DMat4) -> Aabb {
-    let dual = form.inverse();
+fn ball_box(ball: &Quadric) -> Aabb {
+    let dual = ball.matrix().inverse();
     let mut bounds = Aabb { lower: DVec3::NEG_INFINITY, upper: DVec3::INFINITY };
     for axis in 0..3 {
         // Planes x_axis = s: dual_aa − 2 s dual_aw + s² dual_ww = 0.

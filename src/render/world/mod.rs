@@ -8,13 +8,13 @@ mod build;
 mod place;
 
 use crate::{
-    geometry::GeometryId,
+    geometry::{GeometryId, Quadric},
     render::{bvh::Tree, plan::Plan},
     scene::{Material, Settings, Texture},
     shader_io::{Node, TriangleShading},
     space::domain::Domain,
 };
-use glam::{DMat4, DVec3, DVec4};
+use glam::{DVec3, DVec4};
 
 /// A prepared scene.
 #[derive(Clone, Debug)]
@@ -59,8 +59,8 @@ pub struct WorldCell {
 /// A quadric between two planes.
 #[derive(Clone, Copy, Debug)]
 pub struct WorldQuadric {
-    /// `xᵀQx ≤ 0` inside.
-    pub form: DMat4,
+    /// The surface.
+    pub surface: Quadric,
     /// Homogeneous points with a negative product are cut off.
     pub clip: [DVec4; 2],
     /// Index of the material.

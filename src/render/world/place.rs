@@ -5,7 +5,7 @@ use crate::{
     geometry::{Geometry, Isometry},
     space::{deck::Elements, domain::Domain},
 };
-use glam::{DMat4, DVec4};
+use glam::DVec4;
 use std::collections::VecDeque;
 
 /// Copies of one object, or images of one light, that may be made. A scene that needs more is a mistake in size.
@@ -110,8 +110,7 @@ impl Balls<'_> {
     /// For one ball: beyond the plane altogether (1), cut by it (0), or inside altogether (−1).
     fn side<G: Geometry>(&self, geometry: G, centre: DVec4, plane: DVec4) -> i32 {
         // A plane touches the quadric exactly if it is on the dual quadric (inverse matrix).
-        let form: DMat4 = geometry.ball(centre, self.radius);
-        let dual = plane.dot(form.inverse() * plane);
+        let dual = plane.dot(geometry.ball(centre, self.radius).matrix().inverse() * plane);
         if !dual.is_finite() || dual >= -1e-9 {
             0
         } else if geometry.side(centre, plane) > 0.0 {
