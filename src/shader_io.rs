@@ -237,6 +237,8 @@ structures! {
         color: vec3,
         /// Its light fades to nothing at this distance.
         range: float,
+        /// The geometry's closeness of points at that distance.
+        closest: float,
         /// Axis of a spot light: unit tangent vector at its position.
         axis: vec4,
         /// Cosine of half the spot's opening angle; below −1: shines everywhere.
@@ -412,6 +414,10 @@ numbers! {
     PROBE_APPLY: uint = 14;
     /// Probe: `geo_side`.
     PROBE_SIDE: uint = 16;
+    /// Probe: `geo_closeness`.
+    PROBE_CLOSENESS: uint = 17;
+    /// Probe: `geo_cross`, with `c` for the plane and the first face's linear part and shift for the folded pairing.
+    PROBE_CROSS: uint = 18;
     /// Probe: `geo_base`.
     PROBE_BASE: uint = 15;
 }

@@ -81,7 +81,9 @@ fn list_files(folder: &Path, found: &mut Vec<String>) -> Result<(), String> {
     let entries = fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     for entry in entries {
         let path = entry.map_err(|e| e.to_string())?.path();
-        if path.is_dir() {
+        if path.ends_with("gallery") {
+            // Pictures for readers of the repository; the program does not need them.
+        } else if path.is_dir() {
             list_files(&path, found)?;
         } else if let Some(path) = path.to_str() {
             found.push(path.to_owned());

@@ -30,6 +30,8 @@ void main() {
     case IO_PROBE_RAISE: r.point = geo_raise(q.a, q.b.xyz); break;
     case IO_PROBE_APPLY: r = geo_apply(Isometry(mat4(io_faces[0].linear), io_faces[0].shift), g); break;
     case IO_PROBE_SIDE: r.point.x = geo_side(q.a, q.c); break;
+    case IO_PROBE_CLOSENESS: r.point.x = geo_closeness(q.a, q.b); break;
+    case IO_PROBE_CROSS: r = geo_cross(Isometry(mat4(io_faces[0].linear), io_faces[0].shift), q.c, g); break;
     case IO_PROBE_BASE: r.point = geo_base(); break;
     }
     io_probe_out[i] = ProbeOut(r.point, r.velocity);

@@ -8,6 +8,7 @@
 //   float    geo_inner(vec4 p, vec4 u, vec4 v)              the metric at p
 //   Geodesic geo_flow(Geodesic g, float t)                  exact flow by arc length t, any sign
 //   vec4     geo_log(vec4 p, vec4 q, out float length)      unit velocity and length of the shortest geodesic p -> q
+//   float    geo_closeness(vec4 p, vec4 q)                 decreases with the distance, without transcendentals
 //   float    geo_area_density(Geodesic g, float t)          wavefront area per solid angle after length t
 //   float    geo_length(Geodesic g, float u)                arc length at curve parameter u
 //   float    geo_parameter_at(Geodesic g, float t)          curve parameter at arc length t >= 0
@@ -43,6 +44,11 @@ vec4 geo_log(vec4 p, vec4 q, out float length_out) {
     vec3 difference = q.xyz - p.xyz;
     length_out = length(difference);
     return length_out > 0.0 ? vec4(difference / length_out, 0.0) : vec4(1.0, 0.0, 0.0, 0.0);
+}
+
+float geo_closeness(vec4 p, vec4 q) {
+    vec3 d = p.xyz - q.xyz;
+    return -dot(d, d);
 }
 
 float geo_area_density(Geodesic g, float t) {

@@ -37,6 +37,10 @@ vec4 geo_log(vec4 p, vec4 q, out float length_out) {
     return norm > 0.0 ? tangent / norm : vec4(1.0, 0.0, 0.0, 0.0) + (geo_base() + p) * (p.x / (1.0 + p.w));
 }
 
+float geo_closeness(vec4 p, vec4 q) {
+    return h3_form(p, q);
+}
+
 float geo_area_density(Geodesic g, float t) {
     float s = m_sinhcosh(t).x;
     return s * s;

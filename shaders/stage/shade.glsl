@@ -22,7 +22,10 @@ bool shade_occluded(Geodesic g, float range, uint cell) {
 }
 
 // Light of one image of a point light.
-vec3 shade_light(Light light, Path path, Surface surface, float nv) {
+vec3 shade_light(uint index, Path path, Surface surface, float nv) {
+    // Most images are out of range: they are told before anything is computed.
+    if (geo_closeness(path.point, io_light_images[index].point) < io_light_images[index].closest) return vec3(0.0);
+    Light light = io_light_images[index];
     float range;
     vec4 direction = geo_log(path.point, light.point, range);
     float nl = geo_inner(path.point, surface.normal, direction);
@@ -56,9 +59,10 @@ vec3 stage_shade(Path path, Surface surface) {
         color += io_view[0].headlight / area * brdf(surface.base_color, surface.metallic, surface.roughness, nv, nv, 1.0);
     }
     if (IO_LIGHTS) {
-        Cell cell = io_cells[walk_cell(path)];
-        for (uint i = 0u; i < cell.light_count; i++) {
-            color += shade_light(io_light_images[cell.first_light + i], path, surface, nv);
+        uint first = io_cells[walk_cell(path)].first_light;
+        uint number = io_cells[walk_cell(path)].light_count;
+        for (uint i = 0u; i < number; i++) {
+            color += shade_light(first + i, path, surface, nv);
         }
     }
     if (IO_FOG) color = mix(io_view[0].background, color, exp(-io_view[0].fog * path.travelled));

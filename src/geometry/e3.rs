@@ -50,6 +50,10 @@ impl Geometry for E3 {
         if length > 0.0 { (difference / length, length) } else { (DVec4::X, 0.0) }
     }
 
+    fn closeness(&self, p: DVec4, q: DVec4) -> f64 {
+        -(p - q).length_squared()
+    }
+
     fn transport(&self, _g: Geodesic, _t: f64, w: DVec4) -> DVec4 {
         w
     }

@@ -79,6 +79,10 @@ impl Geometry for H3 {
         if norm > 0.0 { (tangent / norm, length) } else { (self.frame(p)[0], length) }
     }
 
+    fn closeness(&self, p: DVec4, q: DVec4) -> f64 {
+        minkowski(p, q)
+    }
+
     fn transport(&self, g: Geodesic, t: f64, w: DVec4) -> DVec4 {
         w + (self.flow(g, t).velocity - g.velocity) * minkowski(g.velocity, w)
     }

@@ -48,6 +48,7 @@ pub fn laws<G: Geometry>() -> Vec<Law<G>> {
         law("flow has unit speed", EXACT, flow_has_unit_speed),
         law("transport keeps inner and carries the velocity", EXACT, transport_keeps_inner),
         law("log inverts flow", 1e-11, log_inverts_flow),
+        law("closeness decreases with the distance", EXACT, closeness_decreases),
         law("area density is that of the flow", DIFFERENCE, area_density_is_of_the_flow),
         law("chart and unchart invert each other", EXACT, chart_round_trip),
         law("unchart_vector inverts the differential of chart", DIFFERENCE, unchart_vector_inverts),
@@ -289,6 +290,16 @@ fn advance_agrees<G: Geometry>(geometry: G, s: &Sample) -> f64 {
 fn parameter_inverts_advance<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let u = geometry.parameter_at(s.start, s.length);
     gap(u, geometry.parameter(s.start, geometry.chart(geometry.advance(s.start, u).point)))
+}
+
+fn closeness_decreases<G: Geometry>(geometry: G, s: &Sample) -> f64 {
+    // The same at the same distance, from any point in any direction.
+    let from = |g: Geodesic, t: f64| geometry.closeness(g.point, geometry.flow(g, t).point);
+    let base = geometry.base();
+    let standard = Geodesic { point: base, velocity: geometry.frame(base)[0] };
+    let same = gap(from(standard, s.length), from(s.start, s.length));
+    let near = from(s.start, 0.9 * s.length);
+    worse(same, promise(near > from(s.start, s.length) || near.is_infinite() || s.length < 1e-3))
 }
 
 /// A state on a plane, taken through it by the folded pairing and by the pairing itself.

@@ -154,6 +154,10 @@ pub trait Geometry: Copy + Send + Sync + 'static {
         self.log(p, q).1
     }
 
+    /// A number that decreases with the distance of two points and costs no transcendental function: lights out of
+    /// range are told by it. The same number everywhere (infinity, say) where a geometry has none.
+    fn closeness(&self, p: DVec4, q: DVec4) -> f64;
+
     /// Parallel transport of `w` along `g` by arc length `t`. *Host only.*
     fn transport(&self, g: Geodesic, t: f64, w: DVec4) -> DVec4;
 

@@ -59,6 +59,10 @@ impl Geometry for S3 {
         if norm > 0.0 { (tangent / norm, length) } else { (self.frame(p)[0], length) }
     }
 
+    fn closeness(&self, p: DVec4, q: DVec4) -> f64 {
+        p.dot(q)
+    }
+
     fn transport(&self, g: Geodesic, t: f64, w: DVec4) -> DVec4 {
         w + (self.flow(g, t).velocity - g.velocity) * g.velocity.dot(w)
     }

@@ -122,6 +122,7 @@ const FUNCTIONS: &[&str] = &[
     "flow",
     "log",
     "transport",
+    "closeness",
     "area_density",
     "length",
     "parameter_at",
@@ -214,6 +215,11 @@ impl<G: Geometry> Geometry for Spoilt<G> {
     fn log(&self, p: DVec4, q: DVec4) -> (DVec4, f64) {
         let (direction, length) = self.geometry.log(p, q);
         (direction, self.scalar("log", length))
+    }
+    fn closeness(&self, p: DVec4, q: DVec4) -> f64 {
+        // An error that is the same everywhere would break no law.
+        self.scalar("closeness", self.geometry.closeness(p, q))
+            + ERROR * if self.function == "closeness" { p.x } else { 0.0 }
     }
     fn transport(&self, g: Geodesic, t: f64, w: DVec4) -> DVec4 {
         self.vector("transport", self.geometry.transport(g, t, w))

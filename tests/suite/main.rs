@@ -14,6 +14,7 @@
 //! - `polyhedra`, `spaces`: cells, the catalogue, and the proof that a gluing closes, against reference data.
 //! - `shaders`: layout of shared structures in the compiled modules.
 //! - `transport`: geodesics through the faces against the unfolded ones.
+//! - `twins`: each function of the shaders' geometries against its Rust twin, on the device.
 //! - `vulkan`: devices, probe, compute backend, faults, and that validation is silent.
 //!
 //! `support` holds what modules share, `big` numbers of 192 bits. Tests of a device take it through `support::gpu`.
@@ -35,4 +36,5 @@ mod shaders;
 mod spaces;
 mod support;
 mod transport;
+mod twins;
 mod vulkan;

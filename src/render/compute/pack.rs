@@ -99,6 +99,7 @@ impl Packed {
                 point: vec4(light.point),
                 color: light.color,
                 range: light.range as f32,
+                closest: light.closest as f32,
                 axis: light.spot.map_or([0.0; 4], |(axis, _)| vec4(axis)),
                 spot_cosine: light.spot.map_or(SHINES_EVERYWHERE, |(_, cosine)| cosine as f32),
                 shadows: u32::from(light.shadows),

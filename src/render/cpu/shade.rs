@@ -51,6 +51,10 @@ impl<G: Geometry> Tracer<'_, G> {
     fn shade_light(&self, light: &WorldLight, path: &Path, surface: &Surface, nv: f64, counts: &mut Counts) -> DVec3 {
         let geometry = self.geometry;
         let point = path.state.point;
+        // Most images are out of range: they are told before anything is computed.
+        if geometry.closeness(point, light.point) < light.closest {
+            return DVec3::ZERO;
+        }
         let (direction, range) = geometry.log(point, light.point);
         let nl = geometry.inner(point, surface.normal, direction);
         if range >= light.range || nl <= 0.0 {

@@ -300,6 +300,7 @@ impl<'a, G: Geometry> Builder<'a, G> {
                         point: image.point,
                         color: light.color,
                         range: light.range,
+                        closest: closeness_at(self.geometry, light.range),
                         spot: light.spot.map(|spot| (image.velocity, spot.cos_angle)),
                         shadows: light.shadows,
                     });
@@ -316,6 +317,14 @@ impl<'a, G: Geometry> Builder<'a, G> {
             .collect();
         Ok((per_cell.concat(), ranges))
     }
+}
+
+/// The closeness of points at a distance; less than that of any two points where none are so far apart.
+fn closeness_at<G: Geometry>(geometry: G, distance: f64) -> f64 {
+    let base = geometry.base();
+    let point = geometry.flow(Geodesic { point: base, velocity: geometry.frame(base)[0] }, distance).point;
+    let reached = geometry.distance(base, point) > distance * (1.0 - 1e-9);
+    if reached { geometry.closeness(base, point) } else { f64::NEG_INFINITY }
 }
 
 /// A vertex brought into the space by the exponential map at the object's frame. Its normal follows as a covector

@@ -78,6 +78,8 @@ pub struct WorldLight {
     pub color: [f32; 3],
     /// Fades to nothing here.
     pub range: f64,
+    /// [`crate::geometry::Geometry::closeness`] of points at that distance.
+    pub closest: f64,
     /// Spot: axis at `point` and cosine of half the opening angle.
     pub spot: Option<(DVec4, f64)>,
     /// Throws shadows.

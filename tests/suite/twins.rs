@@ -1,0 +1,220 @@
+//! Each function of the shaders' geometry files against its Rust twin, on the device.
+//!
+//! Inputs are rounded to f32 first, so that both sides compute the same thing; allowed is an error of some roundings
+//! relative to the size of the result. The awkward inputs are tiny and large lengths, the base point, directions
+//! along a plane, coinciding points.
+
+use crate::support::{self, Random};
+use glam::{DVec3, DVec4, Vec4};
+use holonomy::{
+    geometry::{GEOMETRIES, Geodesic, Geometry, GeometryId, Isometry, Visitor, exponential, visit},
+    render::compute::probe::Probe,
+    shader_io::{self as io, ProbeIn},
+    space::catalogue,
+};
+
+/// One evaluation and what Rust says of it.
+struct Case {
+    name: &'static str,
+    input: ProbeIn,
+    expected: Vec<f64>,
+    /// Error allowed, in units of (1 + size of the result).
+    tolerance: f64,
+    /// Whether the function returns states (two vectors) or something in the first vector.
+    state: bool,
+}
+
+fn single(v: DVec4) -> [f32; 4] {
+    v.as_vec4().to_array()
+}
+
+/// The nearest point or vector that f32 holds.
+fn rounded(v: DVec4) -> DVec4 {
+    v.as_vec4().as_dvec4()
+}
+
+fn numbers(g: Geodesic) -> Vec<f64> {
+    g.point.to_array().into_iter().chain(g.velocity.to_array()).collect()
+}
+
+/// Roundings of f32 that a function of some ten operations may cost.
+const ROUNDINGS: f64 = 40.0 * 6e-8;
+
+struct Cases<'a> {
+    pairing: &'a Isometry,
+    folded: &'a Isometry,
+    plane: DVec4,
+}
+
+impl Visitor for Cases<'_> {
+    type Output = Vec<Case>;
+
+    fn visit<G: Geometry>(self, geometry: G) -> Vec<Case> {
+        let mut random = Random(1872);
+        let mut cases = Vec::new();
+        let base = geometry.base();
+        let direction = |p: DVec4, random: &mut Random| {
+            let [x, y, z] = geometry.frame(p);
+            let v = x * random.within(-1.0, 1.0) + y * random.within(-1.0, 1.0) + z * random.within(-1.0, 1.0);
+            v / geometry.norm(p, v)
+        };
+        for number in 0..200 {
+            let radius = if number % 10 == 0 { 0.0 } else { random.within(0.0, 1.2) };
+            let point = rounded(exponential(geometry, base, direction(base, &mut random) * radius));
+            let velocity = rounded(direction(point, &mut random));
+            let g = Geodesic { point, velocity };
+            let t = [0.0, 1e-6, 0.3, 0.7, 1.0, 2.5][number % 6] * random.within(0.9, 1.1);
+            let t = f64::from(t as f32);
+            let far = rounded(geometry.flow(g, t).point);
+            let w = rounded(direction(point, &mut random));
+            let n = DVec3::new(random.within(-1.0, 1.0), random.within(-1.0, 1.0), random.within(-1.0, 1.0));
+            let plane = rounded(
+                geometry
+                    .bisector(exponential(geometry, base, direction(base, &mut random) * 1.5))
+                    .unwrap_or(n.extend(-0.5)),
+            );
+            let u = f64::from(geometry.parameter_at(g, t.min(1.0)) as f32);
+            let c = geometry.chart(geometry.advance(g, u).point);
+            let c = rounded(c.extend(0.0)).truncate();
+            let mut add = |name, op, [a, b, c]: [DVec4; 3], t: f64, expected: Vec<f64>, state| {
+                let input = ProbeIn { a: single(a), b: single(b), c: single(c), t: t as f32, op };
+                cases.push(Case { name, input, expected, tolerance: ROUNDINGS, state });
+            };
+            let zero = DVec4::ZERO;
+            let state = |c: DVec4| [point, velocity, c];
+            add("flow", io::PROBE_FLOW, state(zero), t, numbers(geometry.flow(g, t)), true);
+            add("flow backwards", io::PROBE_FLOW, state(zero), -t, numbers(geometry.flow(g, -t)), true);
+            add("inner", io::PROBE_INNER, [point, velocity, w], 0.0, vec![geometry.inner(point, velocity, w)], false);
+            add("closeness", io::PROBE_CLOSENESS, [point, far, zero], 0.0, vec![geometry.closeness(point, far)], false);
+            if t > 0.1 {
+                let (v, length) = geometry.log(point, far);
+                let expected = vec![length, 0.0, 0.0, 0.0, v.x, v.y, v.z, v.w];
+                add("log", io::PROBE_LOG, [point, far, zero], 0.0, expected, true);
+            }
+            add("area_density", io::PROBE_AREA_DENSITY, state(zero), t, vec![geometry.area_density(g, t)], false);
+            add("length", io::PROBE_LENGTH, state(zero), u, vec![geometry.length(g, u)], false);
+            add(
+                "parameter_at",
+                io::PROBE_PARAMETER_AT,
+                state(zero),
+                t.min(1.0),
+                vec![geometry.parameter_at(g, t.min(1.0))],
+                false,
+            );
+            add("advance", io::PROBE_ADVANCE, state(zero), u, numbers(geometry.advance(g, u)), true);
+            add("side", io::PROBE_SIDE, state(plane), 0.0, vec![geometry.side(point, plane)], false);
+            // Near-parallel planes are left out: there the exit is as ill conditioned as the directions are close.
+            let exit = geometry.exit(g, plane);
+            if exit.is_infinite() || exit < 0.9 {
+                add("exit", io::PROBE_EXIT, state(plane), 0.0, vec![exit], false);
+            }
+            let chord = geometry.chord(g, u, 1e-3);
+            add("chord", io::PROBE_CHORD, state(DVec4::new(u, 0.0, 0.0, 0.0)), 1e-3, vec![chord], false);
+            add("parameter", io::PROBE_PARAMETER, state(c.extend(0.0)), 0.0, vec![geometry.parameter(g, c)], false);
+            add("restore", io::PROBE_RESTORE, state(zero), 0.0, numbers(geometry.restore(g)), true);
+            add("chart", io::PROBE_CHART, state(zero), 0.0, geometry.chart(point).to_array().into(), false);
+            let unchart = geometry.unchart(c).expect("a point of the chart");
+            add("unchart", io::PROBE_UNCHART, [c.extend(0.0), zero, zero], 0.0, unchart.to_array().into(), false);
+            let n = rounded(n.extend(0.0));
+            let raised = geometry.raise(point, n.truncate());
+            add("raise", io::PROBE_RAISE, [point, n, zero], 0.0, raised.to_array().into(), false);
+            add("apply", io::PROBE_APPLY, state(zero), 0.0, numbers(geometry.apply(self.pairing, g)), true);
+            // On the face itself, where passages happen.
+            let on_face = geometry.exit(Geodesic { point: base, velocity }, self.plane);
+            if on_face.is_finite() {
+                let g =
+                    geometry.advance(Geodesic { point: base, velocity: rounded(direction(base, &mut random)) }, 0.2);
+                let g = Geodesic { point: rounded(g.point), velocity: rounded(g.velocity) };
+                let expected = numbers(geometry.cross(self.folded, self.plane, g));
+                add("cross", io::PROBE_CROSS, [g.point, g.velocity, self.plane], 0.0, expected, true);
+            }
+            add("base", io::PROBE_BASE, [zero; 3], 0.0, base.to_array().into(), false);
+        }
+        cases
+    }
+}
+
+/// A space with the geometry, for isometries.
+fn isometries(id: GeometryId) -> (Isometry, Isometry, DVec4) {
+    let space = catalogue::NAMES.iter().filter_map(|n| catalogue::find(n)).find(|s| s.geometry == id).expect("a space");
+    let domain = holonomy::space::domain::Domain::new(&space);
+    let face = domain.faces[0];
+    (face.pairing, face.folded, rounded(face.plane))
+}
+
+/// Names of the functions whose results differ by more than they may; `spoil` changes what the device gave.
+fn disagreements(spoil: impl Fn(&str, &mut [f64])) -> Option<Vec<String>> {
+    let gpu = support::gpu()?;
+    let mut wrong = Vec::new();
+    for entry in GEOMETRIES {
+        let (pairing, folded, plane) = isometries(entry.id);
+        let round = |m: Isometry| Isometry { linear: m.linear.as_mat4().as_dmat4(), shift: rounded(m.shift) };
+        let (pairing, folded) = (round(pairing), round(folded));
+        let cases = visit(entry.id, Cases { pairing: &pairing, folded: &folded, plane });
+        let run = |isometry: &Isometry| {
+            let probe = Probe::new(&gpu, entry.id).expect("a probe");
+            let inputs: Vec<ProbeIn> = cases.iter().map(|c| c.input).collect();
+            probe.with_isometry(isometry).expect("an isometry").run(&inputs).expect("it runs")
+        };
+        let (applied, crossed) = (run(&pairing), run(&folded));
+        for (index, case) in cases.iter().enumerate() {
+            let out = if case.name == "cross" { crossed[index] } else { applied[index] };
+            let double = |v: [f32; 4]| Vec4::from(v).as_dvec4().to_array();
+            let mut found: Vec<f64> = double(out.a).into_iter().chain(double(out.b)).collect();
+            found.truncate(if case.state { 8 } else { case.expected.len() });
+            spoil(case.name, &mut found);
+            let size = case.expected.iter().filter(|x| x.is_finite()).fold(1.0_f64, |a, x| a.max(x.abs()));
+            let differs = case.expected.iter().zip(&found).any(|(e, f)| {
+                let same = e == f || (e - f).abs() <= case.tolerance * (1.0 + size) * size;
+                !same
+            });
+            if differs {
+                wrong.push(format!(
+                    "{} {}: {found:?} instead of {:?} for {:?}",
+                    entry.name, case.name, case.expected, case.input
+                ));
+            }
+        }
+    }
+    Some(wrong)
+}
+
+#[test]
+fn twins_agree() {
+    let Some(wrong) = disagreements(|_, _| ()) else { return };
+    assert!(wrong.is_empty(), "{} disagreements, such as\n{}", wrong.len(), wrong[..wrong.len().min(8)].join("\n"));
+}
+
+/// Every function's comparison can fail.
+#[test]
+fn twins_spoiled_results_are_caught() {
+    let functions = [
+        "flow",
+        "inner",
+        "closeness",
+        "log",
+        "area_density",
+        "length",
+        "parameter_at",
+        "advance",
+        "side",
+        "exit",
+        "chord",
+        "parameter",
+        "restore",
+        "chart",
+        "unchart",
+        "raise",
+        "apply",
+        "cross",
+        "base",
+    ];
+    let spoil = |_: &str, found: &mut [f64]| found.iter_mut().for_each(|x| *x += 1e-3 * (1.0 + x.abs()).powi(2));
+    let Some(wrong) = disagreements(spoil) else { return };
+    for function in functions {
+        for entry in GEOMETRIES {
+            let start = format!("{} {function}:", entry.name);
+            assert!(wrong.iter().any(|w| w.starts_with(&start)), "a spoiled {start} passes");
+        }
+    }
+}
