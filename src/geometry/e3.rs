@@ -4,7 +4,7 @@
 //! coordinate is not shown to users. The chart is `(x, y, z)`, the curve parameter is arc length, geodesics are
 //! straight in the chart, and every formula is exact.
 
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, Quadric, across, spatial};
+use super::{ALONG_FACE, Geodesic, Geometry, Isometry, Quadric, across, matrix_of, spatial};
 use glam::{DMat3, DMat4, DVec3, DVec4, Vec4Swizzles};
 
 /// Euclidean three-space.
@@ -124,13 +124,11 @@ impl Geometry for E3 {
     }
 
     fn fold(&self, plane: DVec4, pairing: &Isometry) -> Isometry {
-        let column = |unit: DVec4| reflect(plane, Geodesic { point: unit, velocity: unit }).point;
-        let reflection = DMat4::from_cols(column(DVec4::X), column(DVec4::Y), column(DVec4::Z), column(DVec4::W));
-        Isometry::linear(pairing.linear * reflection)
+        Isometry::linear(pairing.linear * matrix_of(|x| reflect(plane, x)))
     }
 
     fn cross(&self, folded: &Isometry, plane: DVec4, g: Geodesic) -> Geodesic {
-        self.apply(folded, reflect(plane, g))
+        self.apply(folded, Geodesic { point: reflect(plane, g.point), velocity: reflect(plane, g.velocity) })
     }
 
     fn inverse(&self, m: &Isometry) -> Isometry {
@@ -170,11 +168,7 @@ impl Geometry for E3 {
     }
 }
 
-/// Reflection in a plane with unit normal.
-fn reflect(plane: DVec4, g: Geodesic) -> Geodesic {
-    let normal = spatial(plane).extend(0.0);
-    Geodesic {
-        point: g.point - normal * (2.0 * plane.dot(g.point)),
-        velocity: g.velocity - normal * (2.0 * plane.dot(g.velocity)),
-    }
+/// Reflection of a point or a vector in a plane with unit normal.
+fn reflect(plane: DVec4, x: DVec4) -> DVec4 {
+    x - spatial(plane).extend(0.0) * (2.0 * plane.dot(x))
 }

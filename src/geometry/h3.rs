@@ -8,7 +8,7 @@
 //! Far from the base point ambient components grow like eᵈ. Lengths are therefore taken from the radial and the
 //! transverse part of a vector, which do not cancel; see [`Geometry::norm`].
 
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, Quadric, across, spatial};
+use super::{ALONG_FACE, Geodesic, Geometry, Isometry, Quadric, across, matrix_of, spatial};
 use glam::{DMat4, DVec3, DVec4, Vec4Swizzles};
 
 /// Hyperbolic three-space of curvature −1.
@@ -167,13 +167,11 @@ impl Geometry for H3 {
     }
 
     fn fold(&self, plane: DVec4, pairing: &Isometry) -> Isometry {
-        let column = |unit: DVec4| reflect(plane, Geodesic { point: unit, velocity: unit }).point;
-        let reflection = DMat4::from_cols(column(DVec4::X), column(DVec4::Y), column(DVec4::Z), column(DVec4::W));
-        Isometry::linear(pairing.linear * reflection)
+        Isometry::linear(pairing.linear * matrix_of(|x| reflect(plane, x)))
     }
 
     fn cross(&self, folded: &Isometry, plane: DVec4, g: Geodesic) -> Geodesic {
-        self.apply(folded, reflect(plane, g))
+        self.apply(folded, Geodesic { point: reflect(plane, g.point), velocity: reflect(plane, g.velocity) })
     }
 
     fn inverse(&self, m: &Isometry) -> Isometry {
@@ -247,11 +245,7 @@ impl CompensatedSum {
     }
 }
 
-/// Reflection in a plane with unit (space-like) conormal.
-fn reflect(plane: DVec4, g: Geodesic) -> Geodesic {
-    let normal = FORM * plane;
-    Geodesic {
-        point: g.point - normal * (2.0 * plane.dot(g.point)),
-        velocity: g.velocity - normal * (2.0 * plane.dot(g.velocity)),
-    }
+/// Reflection of a point or a vector in a plane with unit (space-like) conormal.
+fn reflect(plane: DVec4, x: DVec4) -> DVec4 {
+    x - (FORM * plane) * (2.0 * plane.dot(x))
 }

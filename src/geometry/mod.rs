@@ -414,6 +414,11 @@ pub fn matrix_from_rows(rows: [[f64; 4]; 4]) -> DMat4 {
     DMat4::from_cols_array_2d(&rows).transpose()
 }
 
+/// The matrix of a linear map.
+pub(crate) fn matrix_of(map: impl Fn(DVec4) -> DVec4) -> DMat4 {
+    DMat4::from_cols(map(DVec4::X), map(DVec4::Y), map(DVec4::Z), map(DVec4::W))
+}
+
 /// `xyz` of a vector, for the geometries whose chart covectors are spatial parts.
 pub(crate) fn spatial(v: DVec4) -> DVec3 {
     v.xyz()

@@ -4,7 +4,7 @@
 //! great circles are straight. Flow: `p cos t + v sin t`. Curve parameter: `tan(t/2)`, so that a ray passes the
 //! quarter turn, where the gnomonic `tan t` is infinite, without a special case.
 
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric, across, spatial};
+use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric, across, matrix_of, spatial};
 use glam::{DMat4, DVec3, DVec4};
 use std::f64::consts::PI;
 
@@ -148,13 +148,11 @@ impl Geometry for S3 {
     }
 
     fn fold(&self, plane: DVec4, pairing: &Isometry) -> Isometry {
-        let column = |unit: DVec4| reflect(plane, Geodesic { point: unit, velocity: unit }).point;
-        let reflection = DMat4::from_cols(column(DVec4::X), column(DVec4::Y), column(DVec4::Z), column(DVec4::W));
-        Isometry::linear(pairing.linear * reflection)
+        Isometry::linear(pairing.linear * matrix_of(|x| reflect(plane, x)))
     }
 
     fn cross(&self, folded: &Isometry, plane: DVec4, g: Geodesic) -> Geodesic {
-        self.apply(folded, reflect(plane, g))
+        self.apply(folded, Geodesic { point: reflect(plane, g.point), velocity: reflect(plane, g.velocity) })
     }
 
     fn inverse(&self, m: &Isometry) -> Isometry {
@@ -185,10 +183,7 @@ impl Geometry for S3 {
     }
 }
 
-/// Reflection in the great sphere with unit normal `plane`.
-fn reflect(plane: DVec4, g: Geodesic) -> Geodesic {
-    Geodesic {
-        point: g.point - plane * (2.0 * plane.dot(g.point)),
-        velocity: g.velocity - plane * (2.0 * plane.dot(g.velocity)),
-    }
+/// Reflection of a point or a vector in the great sphere with unit normal `plane`.
+fn reflect(plane: DVec4, x: DVec4) -> DVec4 {
+    x - plane * (2.0 * plane.dot(x))
 }

@@ -172,3 +172,32 @@ fn closed_form_light_falls_off_by_area() {
     let ratio = light(0.1) / light(0.3);
     assert!((ratio - 9.0).abs() < 1e-3, "{ratio} instead of 9");
 }
+
+/// A ray that has hit costs nothing further: inside of a ball every ray is one segment, whatever the bounces allowed,
+/// and none passes a face.
+#[test]
+fn closed_form_rays_that_hit_cost_nothing_further() {
+    use holonomy::shader_io as io;
+    let gpu = support::gpu();
+    for bounces in [1, 16] {
+        let scene = scene(&format!(
+            "[space]\nmanifold = \"poincare\"\n[[material]]\nname = \"m\"\n[[object]]\nkind = \"ball\"\nradius = 0.2\n\
+             material = \"m\"\n[render]\nshading = \"distance\"\nbounces = {bounces}\n"
+        ));
+        let mut backends: Vec<Box<dyn Backend>> = vec![Box::new(CpuBackend::default())];
+        if let Some(gpu) = &gpu {
+            backends.push(Box::new(ComputeBackend::new(gpu).expect("the backend can be made")));
+        }
+        for mut backend in backends {
+            let plan = Plan::new(&scene, true);
+            let world = Arc::new(World::new(&scene, &plan, scene.observer.frame).expect("the world fits"));
+            backend.load(&world).expect("it loads");
+            let shot = Shot::symmetric(scene.observer.frame, scene.observer.fov, SIZE);
+            let stats = backend.render(&shot, &mut Target::new(SIZE), &|_| ()).expect("it draws");
+            let count = |what: u32| stats.counts[what as usize];
+            let rays = u64::from(SIZE[0] * SIZE[1]);
+            assert_eq!([count(io::COUNT_RAYS), count(io::COUNT_SEGMENTS), count(io::COUNT_HITS)], [rays; 3]);
+            assert_eq!([count(io::COUNT_BOUNCES), count(io::COUNT_LOST), count(io::COUNT_SHADOW_RAYS)], [0; 3]);
+        }
+    }
+}
