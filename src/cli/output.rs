@@ -90,8 +90,8 @@ impl PendingFile {
     }
 }
 
-/// The picture as a file: PNG with the sRGB transfer function, or EXR with the values as they are. `colormap` turns
-/// raw values into colours for PNG.
+/// The picture as a file: PNG with the sRGB transfer function, or EXR with the values as they are. `raw` says
+/// that pixels hold values, which PNG shows as pseudo-colours.
 ///
 /// # Errors
 /// The encoder's.
