@@ -106,8 +106,6 @@ structures! {
         shift: vec4,
         /// Cell on the other side.
         cell: uint,
-        /// Face of that cell through which the ray enters (index into all faces).
-        partner: uint,
     }
 
     /// A cell: ranges in the other buffers.

@@ -135,12 +135,6 @@ impl Polyhedron {
         Ok(Self { vertices, edges, face_vertices, centroid, circumradius })
     }
 
-    /// Centre of the corners of a face.
-    pub fn face_centre(&self, face: usize) -> DVec3 {
-        let outline = &self.face_vertices[face];
-        outline.iter().map(|&v| self.vertices[v]).sum::<DVec3>() / outline.len() as f64
-    }
-
     /// Index of the edge between two faces.
     pub fn edge_between(&self, face: usize, other: usize) -> Option<usize> {
         let faces = [face.min(other), face.max(other)];

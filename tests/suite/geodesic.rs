@@ -10,11 +10,7 @@ use crate::{
     support::{self, Random},
 };
 use serde_json::{Value, json};
-use std::{
-    f64::consts::{PI, TAU},
-    io::Write,
-    process::{Command, Stdio},
-};
+use std::f64::consts::{PI, TAU};
 
 #[derive(Clone, Debug)]
 struct Case {
@@ -126,27 +122,6 @@ fn cases() -> Vec<Case> {
     cases
 }
 
-fn run_batch(cases: &[Case], args: &[&str]) -> Vec<Value> {
-    let mut child = Command::new(env!("CARGO_BIN_EXE_holonomy"))
-        .args(["geodesic", "--batch", "-"])
-        .args(args)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("the binary starts");
-    let input: String = cases.iter().map(|case| format!("{}\n", case.json())).collect();
-    let mut stdin = child.stdin.take().expect("stdin is piped");
-    let writer = std::thread::spawn(move || stdin.write_all(input.as_bytes()));
-    let output = child.wait_with_output().expect("the binary ends");
-    writer.join().expect("the writer ends").expect("the binary reads its input");
-    assert!(output.status.success());
-    String::from_utf8(output.stdout)
-        .expect("output is text")
-        .lines()
-        .map(|line| serde_json::from_str(line).expect("output is JSON"))
-        .collect()
-}
-
 fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().expect("a list").iter().map(|x| x.as_f64().expect("a number")).collect()
 }
@@ -154,7 +129,8 @@ fn numbers(value: &Value) -> Vec<f64> {
 /// Worst ratio of error to floor, with the case; `spoil` changes results before they are judged.
 fn worst_ratio(args: &[&str], u: f64, spoil: impl Fn(usize, &mut Vec<f64>)) -> (f64, String) {
     let cases = cases();
-    let results = run_batch(&cases, args);
+    let lines: Vec<Value> = cases.iter().map(Case::json).collect();
+    let results = support::run_batch(&[&["geodesic"], args].concat(), &lines);
     assert_eq!(cases.len(), results.len());
     let mut random = Random(7);
     let mut worst = (0.0, String::new());

@@ -1,10 +1,12 @@
 //! What tests of several modules share: the device, taken by one test at a time, and counted skips.
 
 use holonomy::vulkan::{Context, ContextOptions, Validation, VulkanError};
+use serde_json::Value;
 use std::{
     env,
     io::Write,
     ops::Deref,
+    process::{Command, Stdio},
     sync::{
         Arc, Mutex, MutexGuard, OnceLock, PoisonError,
         atomic::{AtomicUsize, Ordering},
@@ -116,4 +118,23 @@ impl Random {
     pub fn within(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.next()
     }
+}
+
+/// Runs the real binary with `--batch -` on lines of JSON and returns its lines.
+pub fn run_batch(args: &[&str], lines: &[Value]) -> Vec<Value> {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_holonomy"))
+        .args(args)
+        .args(["--batch", "-"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("the binary starts");
+    let input: String = lines.iter().map(|line| format!("{line}\n")).collect();
+    let mut stdin = child.stdin.take().expect("stdin is piped");
+    let writer = std::thread::spawn(move || stdin.write_all(input.as_bytes()));
+    let output = child.wait_with_output().expect("the binary ends");
+    writer.join().expect("the writer ends").expect("the binary reads its input");
+    assert!(output.status.success());
+    let text = String::from_utf8(output.stdout).expect("output is text");
+    text.lines().map(|line| serde_json::from_str(line).expect("output is JSON")).collect()
 }

@@ -7,7 +7,7 @@
 
 use crate::{
     big::{Big, Big4, Classical, distance},
-    support::Random,
+    support::{self, Random},
 };
 use holonomy::{
     geometry::{Geodesic, Geometry, Visitor, visit},
@@ -18,10 +18,6 @@ use holonomy::{
     },
 };
 use serde_json::{Value, json};
-use std::{
-    io::Write,
-    process::{Command, Stdio},
-};
 
 /// Roundings by which an end may differ beyond the growth.
 const ROUNDINGS: f64 = 100.0;
@@ -86,21 +82,8 @@ fn cases(space: &Space) -> Vec<Case> {
 }
 
 fn run_batch(name: &str, n: usize, cases: &[Case]) -> Vec<Value> {
-    let mut child = Command::new(env!("CARGO_BIN_EXE_holonomy"))
-        .args(["transport", name, "--batch", "-"])
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("the binary starts");
     let line = |c: &Case| json!({ "from": c.from[..n], "direction": c.direction[..n], "length": c.length });
-    let input: String = cases.iter().map(|c| format!("{}\n", line(c))).collect();
-    let mut stdin = child.stdin.take().expect("piped");
-    let writer = std::thread::spawn(move || stdin.write_all(input.as_bytes()));
-    let output = child.wait_with_output().expect("the binary ends");
-    writer.join().expect("the writer ends").expect("the input is read");
-    assert!(output.status.success());
-    let text = String::from_utf8(output.stdout).expect("text");
-    text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
+    support::run_batch(&["transport", name], &cases.iter().map(line).collect::<Vec<_>>())
 }
 
 /// The pairing matrices of the reference data, to 40 digits.

@@ -133,7 +133,7 @@ impl Packed {
 }
 
 fn face(face: &DomainFace) -> io::Face {
-    io::Face { plane: vec4(face.plane), cell: face.cell as u32, partner: face.partner as u32, ..pairing(&face.folded) }
+    io::Face { plane: vec4(face.plane), cell: face.cell as u32, ..pairing(&face.folded) }
 }
 
 /// A face that is nothing but a pairing.
