@@ -533,6 +533,8 @@ bindings! {
     15 probe_in: readonly ProbeIn;
     /// Results of the probe.
     16 probe_out: writeonly ProbeOut;
+    /// Device address of each cell's acceleration structure.
+    18 scenes: readonly uvec2;
 }
 
 /// Text of `shared/io.glsl`.

@@ -20,7 +20,19 @@ macro_rules! modules {
 registry::geometries!(modules);
 
 /// Entry points of `shaders/entry`.
-const ENTRIES: &[&str] = &["path.comp", "probe.comp"];
+const ENTRIES: &[&str] = &[
+    "path.comp",
+    "probe.comp",
+    "raygen.rgen",
+    "raygen_reorder.rgen",
+    "transport.rmiss",
+    "recursive.rmiss",
+    "shadow.rmiss",
+    "triangle.rchit",
+    "quadric.rchit",
+    "quadric.rint",
+    "mask.rahit",
+];
 
 fn main() {
     if let Err(message) = build() {

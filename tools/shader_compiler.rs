@@ -30,12 +30,20 @@ impl Compiler<'_> {
             "#extension GL_EXT_scalar_block_layout : require\n",
             "#extension GL_EXT_control_flow_attributes : require\n",
         ));
-        let mut seen = BTreeSet::new();
-        self.expand(&format!("entry/{entry}"), module, &mut seen, &mut text)?;
         let stage = match entry.rsplit('.').next() {
             Some("comp") => ShaderStage::Compute,
+            Some("rgen") => ShaderStage::RayGeneration,
+            Some("rint") => ShaderStage::Intersect,
+            Some("rahit") => ShaderStage::AnyHit,
+            Some("rchit") => ShaderStage::ClosestHit,
+            Some("rmiss") => ShaderStage::Miss,
             _ => return Err(format!("{entry}: the file ending names no shader stage")),
         };
+        if stage != ShaderStage::Compute {
+            text.push_str("#extension GL_EXT_ray_tracing : require\n");
+        }
+        let mut seen = BTreeSet::new();
+        self.expand(&format!("entry/{entry}"), module, &mut seen, &mut text)?;
         let compiler = Glslang::acquire().ok_or("glslang could not be initialised")?;
         let options = CompilerOptions {
             source_language: SourceLanguage::GLSL,

@@ -4,6 +4,7 @@
 #ifndef RAYGEN_GLSL
 #define RAYGEN_GLSL
 #include "stage/walk.glsl"
+#include "stage/hit.glsl"
 #include "stage/surface.glsl"
 #include "stage/shade.glsl"
 
@@ -17,36 +18,35 @@ Geodesic raygen_geodesic(vec2 at) {
 }
 
 // What the picture shows: a colour, or a raw value in all three channels.
-vec3 raygen_result(Path path, Surface surface) {
-    bool hit = path.status == PATH_HIT;
-    if (IO_SHADING == IO_SHADING_RIEMANNIAN) return hit ? stage_shade(path, surface) : io_view[0].background;
-    if (IO_SHADING == IO_SHADING_NORMALS) return hit ? 0.5 + 0.5 * normalize(surface.conormal) : vec3(0.0);
-    if (IO_SHADING == IO_SHADING_DISTANCE) return vec3(hit ? path.travelled : M_INFINITY);
+vec3 raygen_result(Path path, Hit hit) {
+    bool found = path.status == PATH_HIT;
+    if (IO_SHADING == IO_SHADING_RIEMANNIAN) return found ? stage_shade(path, surface_at(path, hit)) : io_view[0].background;
+    if (IO_SHADING == IO_SHADING_NORMALS) return found ? 0.5 + 0.5 * normalize(hit.conormal) : vec3(0.0);
+    if (IO_SHADING == IO_SHADING_DISTANCE) return vec3(found ? path.travelled : M_INFINITY);
     if (IO_SHADING == IO_SHADING_BOUNCES) return vec3(path.bounces);
     if (IO_SHADING == IO_SHADING_SEGMENTS) return vec3(path.segments);
     if (IO_SHADING == IO_SHADING_CELL) return vec3(path.label == IO_NONE ? -1.0 : float(path.label));
-    return vec3(hit ? float(surface.object) : -1.0);
+    return vec3(found ? float(hit.object) : -1.0);
 }
 
 void stage_raygen(uvec2 pixel, vec2 offset) {
     View view = io_view[0];
     Geodesic g = raygen_geodesic(vec2(pixel) + offset);
-    float limit = IO_MAX_DISTANCE ? view.max_distance : M_INFINITY;
-    Path path = Path(g.point, g.velocity, 0.0, limit, 0.0, IO_END_LIMIT, view.cell, 0u, 0u, 0u, PATH_FLYING);
-    Surface surface = Surface(vec4(0.0), vec3(0.0), vec3(0.0), vec3(0.0), 0.0, 0.0, IO_NONE);
+    Path path = walk_start(g, view.cell, 0u);
+    Hit hit = Hit(vec3(0.0), vec2(0.0), 0u, IO_NONE);
     Segment segment;
     count(IO_COUNT_RAYS);
     bool first = true;
     uint limit_of_segments = (view.bounces + 1u) * IO_SEGMENTS_PER_BOUNCE;
     while (path.status == PATH_FLYING && path.segments < limit_of_segments
-           && stage_segment(path, view.bounces, first, segment)) {
+           && stage_segment(path, walk_limit(), view.bounces, first, segment)) {
         count(IO_COUNT_SEGMENTS);
-        trace_segment(path, surface, segment);
+        trace_segment(path, hit, segment);
         first = false;
     }
     if (path.status == PATH_HIT) count(IO_COUNT_HITS);
     if (IO_COUNTERS) count_sums[IO_COUNT_BOUNCES] += path.bounces;
-    io_pixels[pixel.y * view.size.x + pixel.x] += vec4(raygen_result(path, surface), 1.0);
+    io_pixels[pixel.y * view.size.x + pixel.x] += vec4(raygen_result(path, hit), 1.0);
 }
 
 #endif

@@ -10,10 +10,10 @@
 // Whether something stands between a surface point and a light at distance `range` in direction of g.
 bool shade_occluded(Geodesic g, float range, uint cell) {
     count(IO_COUNT_SHADOW_RAYS);
-    Path path = Path(g.point, g.velocity, 0.0, range, 0.0, IO_END_LIMIT, cell, 0u, 0u, IO_NONE, PATH_FLYING);
+    Path path = walk_start(g, cell, IO_NONE);
     Segment segment;
     bool first = true;
-    while (path.status == PATH_FLYING && stage_segment(path, IO_SHADOW_BOUNCES, first, segment)) {
+    while (path.status == PATH_FLYING && stage_segment(path, range, IO_SHADOW_BOUNCES, first, segment)) {
         count(IO_COUNT_SHADOW_SEGMENTS);
         trace_shadow_segment(path, segment);
         first = false;

@@ -1,4 +1,4 @@
-// Where a segment meets a triangle. Traversal and the closest-hit stage call the same function, so that every
+// Where a segment meets a triangle. Traversal and the closest-hit stage call the same functions, so that every
 // backend computes the same hit from the same primitive.
 #ifndef TRIANGLE_GLSL
 #define TRIANGLE_GLSL
@@ -6,22 +6,38 @@
 
 const float NO_HIT = 2.0;
 
-// (s, weight of b, weight of c), or s = NO_HIT. Edge products are antisymmetric to the last bit, so two triangles
-// that share an edge leave no gap: one of them contains every segment that passes it.
+// Products of the segment with the edges: of one sign where it passes inside. They are antisymmetric to the last
+// bit, so two triangles that share an edge leave no gap: one of them contains every segment that passes it.
+vec3 triangle_edges(Segment segment, vec3 a, vec3 b, vec3 c) {
+    precise float wa = dot(segment.direction, cross(b, c));
+    precise float wb = dot(segment.direction, cross(c, a));
+    precise float wc = dot(segment.direction, cross(a, b));
+    return vec3(wa, wb, wc);
+}
+
+// (s, weight of b, weight of c) on the triangle's plane, whether the segment passes inside or, by the rounding of
+// somebody else's test, just beside; s = NO_HIT for a segment along the plane.
+vec3 triangle_solve(Segment segment, Triangle triangle) {
+    precise vec3 a = triangle.a - segment.origin;
+    precise vec3 b = triangle.b - segment.origin;
+    precise vec3 c = triangle.c - segment.origin;
+    vec3 edges = triangle_edges(segment, a, b, c);
+    float sum = edges.x + edges.y + edges.z;
+    vec3 normal = cross(b - a, c - a);
+    float rate = dot(normal, segment.direction);
+    if (sum == 0.0 || rate == 0.0) return vec3(NO_HIT, 0.0, 0.0);
+    return vec3(dot(normal, a) / rate, edges.y / sum, edges.z / sum);
+}
+
+// The same, with s = NO_HIT where the segment does not pass inside or ends before.
 vec3 triangle_hit(Segment segment, Triangle triangle) {
     precise vec3 a = triangle.a - segment.origin;
     precise vec3 b = triangle.b - segment.origin;
     precise vec3 c = triangle.c - segment.origin;
-    precise float wa = dot(segment.direction, cross(b, c));
-    precise float wb = dot(segment.direction, cross(c, a));
-    precise float wc = dot(segment.direction, cross(a, b));
-    if (min(wa, min(wb, wc)) < 0.0 && max(wa, max(wb, wc)) > 0.0) return vec3(NO_HIT);
-    float sum = wa + wb + wc;
-    vec3 normal = cross(b - a, c - a);
-    float rate = dot(normal, segment.direction);
-    if (sum == 0.0 || rate == 0.0) return vec3(NO_HIT);
-    float s = dot(normal, a) / rate;
-    return s >= 0.0 && s <= 1.0 ? vec3(s, wb / sum, wc / sum) : vec3(NO_HIT);
+    vec3 edges = triangle_edges(segment, a, b, c);
+    if (min(edges.x, min(edges.y, edges.z)) < 0.0 && max(edges.x, max(edges.y, edges.z)) > 0.0) return vec3(NO_HIT);
+    vec3 hit = triangle_solve(segment, triangle);
+    return hit.x >= 0.0 && hit.x <= 1.0 ? hit : vec3(NO_HIT);
 }
 
 #endif

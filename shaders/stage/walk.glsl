@@ -16,12 +16,11 @@ const uint PATH_FLYING = 0u;
 const uint PATH_HIT = 1u;
 const uint PATH_GONE = 2u;
 
-// State of a ray between two segments.
+// State of a ray between two segments; what the ray tracing pipeline carries from stage to stage (64 bytes).
 struct Path {
     vec4 point;     // where the current segment starts, in the cell's coordinates
     vec4 velocity;  // unit tangent vector there
     float travelled; // geodesic length from the source to `point`
-    float limit;    // geodesic length at which the path ends
     float u_end;    // curve parameter of the segment's end
     uint end;       // face at the segment's end (index into all faces), IO_END_CHORD or IO_END_LIMIT
     uint cell;
@@ -37,8 +36,18 @@ struct Segment {
     vec3 direction;
 };
 
+// A path of no length, in state g.
+Path walk_start(Geodesic g, uint cell, uint label) {
+    return Path(g.point, g.velocity, 0.0, 0.0, IO_END_LIMIT, cell, 0u, 0u, label, PATH_FLYING);
+}
+
 Geodesic walk_state(Path path) {
     return Geodesic(path.point, path.velocity);
+}
+
+// Geodesic length at which primary rays end.
+float walk_limit() {
+    return IO_MAX_DISTANCE ? io_view[0].max_distance : M_INFINITY;
 }
 
 uint walk_cell(Path path) {
@@ -92,8 +101,9 @@ Faces walk_test_faces(Path path) {
 }
 
 // Finds the end of the segment that starts at the path's state, and brings a state that rounding has left outside
-// of its cell (at an edge or a corner) back first. At most `bounces` faces are passed. False: the path has ended.
-bool stage_segment(inout Path path, uint bounces, bool first, out Segment segment) {
+// of its cell (at an edge or a corner) back first. The path ends after geodesic length `limit`, and at most `bounces`
+// faces are passed. False: the path has ended.
+bool stage_segment(inout Path path, float limit, uint bounces, bool first, out Segment segment) {
     Faces faces = walk_test_faces(path);
     for (uint attempt = 0u; faces.violated != IO_END_LIMIT; attempt++) {
         bool lost = attempt == IO_REDUCE_LIMIT;
@@ -108,7 +118,7 @@ bool stage_segment(inout Path path, uint bounces, bool first, out Segment segmen
     float u = faces.u;
     path.end = faces.exit;
     Geodesic g = walk_state(path);
-    float rest = geo_parameter_at(g, path.limit - path.travelled);
+    float rest = geo_parameter_at(g, limit - path.travelled);
     if (rest < u) {
         u = rest;
         path.end = IO_END_LIMIT;

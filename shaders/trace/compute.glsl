@@ -1,6 +1,6 @@
 // The seam, compute side: traversal of the hierarchy that the host built. It calls the same stages as the entry
-// points of the ray tracing pipeline do: quadric_hit (intersection), stage_is_hole (any-hit), stage_closest_hit,
-// stage_transport (miss).
+// points of the ray tracing pipeline do: quadric_hit (intersection), stage_is_hole (any-hit), stage_hit_triangle and
+// stage_hit_quadric (closest-hit), stage_transport (miss).
 #ifndef COMPUTE_GLSL
 #define COMPUTE_GLSL
 #include "shared/io.glsl"
@@ -8,7 +8,7 @@
 #include "stage/triangle.glsl"
 #include "stage/quadric.glsl"
 #include "stage/mask.glsl"
-#include "stage/surface.glsl"
+#include "stage/hit.glsl"
 
 // Entry of a segment into a box, in s, or NO_HIT if it does not enter before `s_end`. All in units of the grid.
 float box_entry(uvec3 lines, vec3 origin, vec3 reciprocal, float s_end) {
@@ -95,12 +95,15 @@ uint traverse(Segment segment, uint cell, bool any_hit) {
 }
 
 // Traces one segment of a primary ray: closest-hit or miss follows.
-void trace_segment(inout Path path, inout Surface surface, Segment segment) {
+void trace_segment(inout Path path, inout Hit hit, Segment segment) {
     uint reference = traverse(segment, walk_cell(path), false);
-    if (reference != IO_NONE) {
-        stage_closest_hit(path, surface, segment, reference);
-    } else {
+    uint index = reference & ~IO_QUADRIC_BIT;
+    if (reference == IO_NONE) {
         stage_transport(path, io_view[0].bounces);
+    } else if (IO_QUADRICS && (!IO_MESHES || index != reference)) {
+        stage_hit_quadric(path, hit, segment, index, io_quadric_shading[index].material);
+    } else {
+        stage_hit_triangle(path, hit, segment, index, io_triangle_shading[index].material);
     }
 }
 

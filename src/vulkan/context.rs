@@ -4,7 +4,8 @@ use super::{
     ContextOptions, DeviceInfo, Tier, VulkanError,
     fault::FaultInjection,
     instance::{Creator, Instance, Loader, Messages},
-    tier::{Features, RT_EXTENSIONS},
+    tier::{Features, REORDER_EXTENSION, RT_EXTENSIONS},
+    tracing::Functions,
 };
 use ash::{prelude::VkResult, vk};
 use gpu_allocator::{
@@ -32,6 +33,8 @@ pub struct Context {
     queue_family: u32,
     pipeline_cache: vk::PipelineCache,
     debug_names: Option<ash::ext::debug_utils::Device>,
+    /// Present in contexts of [`Tier::Rt`].
+    tracing: Option<Functions>,
     memory_in_use: AtomicU64,
     hung: AtomicBool,
     faults: FaultInjection,
@@ -88,8 +91,12 @@ impl Context {
             extensions.push(ash::khr::portability_subset::NAME);
         }
         let rt = options.tier == Tier::Rt;
+        let reorder = rt && info.rt().reorder;
         if rt {
             extensions.extend(RT_EXTENSIONS);
+        }
+        if reorder {
+            extensions.push(REORDER_EXTENSION);
         }
         let names: Vec<_> = extensions.iter().map(|e| e.as_ptr()).collect();
         let priorities = [1.0];
@@ -104,6 +111,9 @@ impl Context {
                 .push_next(&mut features.address)
                 .push_next(&mut features.acceleration)
                 .push_next(&mut features.pipeline);
+        }
+        if reorder {
+            create = create.push_next(&mut features.reorder);
         }
         let raw = creator.device(instance.raw(), physical, &create, &faults)?;
         // SAFETY: `raw` is a live device of this instance that belongs to us (contract of `Creator`).
@@ -133,9 +143,11 @@ impl Context {
         })?;
         let debug_names =
             instance.has_debug_names().then(|| ash::ext::debug_utils::Device::new(instance.raw(), &device.0));
+        let tracing = rt.then(|| Functions::new(instance.raw(), &device.0));
         Ok(Arc::new(Self {
             info,
             tier: options.tier,
+            tracing,
             queue: Mutex::new(queue),
             queue_family,
             pipeline_cache,
@@ -198,6 +210,17 @@ impl Context {
     /// Family of the queue; its index in the family is 0.
     pub fn queue_family(&self) -> u32 {
         self.queue_family
+    }
+
+    /// The functions of ray tracing.
+    ///
+    /// # Errors
+    /// [`VulkanError::Lacking`] if the device was not opened for it.
+    pub(super) fn tracing(&self) -> Result<&Functions, VulkanError> {
+        self.tracing.as_ref().ok_or_else(|| VulkanError::Lacking {
+            device: self.info.name.clone(),
+            lacking: vec![String::from("ray tracing: it was opened without")],
+        })
     }
 
     pub(super) fn pipeline_cache(&self) -> vk::PipelineCache {

@@ -78,6 +78,28 @@ pub enum VulkanError {
         /// The device.
         device: String,
     },
+    /// More of something than the device takes.
+    #[error("{what}: {count}, but {device} takes at most {limit}")]
+    TooMany {
+        /// What there is too much of.
+        what: String,
+        /// How many.
+        count: u64,
+        /// The device's limit.
+        limit: u64,
+        /// The device.
+        device: String,
+    },
+    /// Shaders would have to trace inside of one another more deeply than the device grants.
+    #[error("recursion to depth {depth} is needed, but {device} traces to depth {limit} at most")]
+    Recursion {
+        /// Depth needed.
+        depth: u32,
+        /// The device's limit.
+        limit: u32,
+        /// The device.
+        device: String,
+    },
     /// The device did not come to an end.
     #[error("vkWaitForFences for {what}: the device did not finish within {limit:?}")]
     TimeOut {

@@ -141,8 +141,23 @@ impl Buffer {
         name: &str,
         data: &[T],
     ) -> Result<Self, VulkanError> {
+        Self::from_slice_for(context, submitter, name, data, vk::BufferUsageFlags::empty(), 1)
+    }
+
+    /// The same for further uses, as [`Self::with_usage`].
+    ///
+    /// # Errors
+    /// Driver failures; out of memory.
+    pub fn from_slice_for<T: Pod>(
+        context: &Arc<Context>,
+        submitter: &mut Submitter,
+        name: &str,
+        data: &[T],
+        usage: vk::BufferUsageFlags,
+        alignment: u64,
+    ) -> Result<Self, VulkanError> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
-        let buffer = Self::new(context, name, bytes.len() as u64)?;
+        let buffer = Self::with_usage(context, name, bytes.len() as u64, usage, alignment)?;
         buffer.upload(submitter, bytes)?;
         Ok(buffer)
     }
@@ -179,6 +194,13 @@ impl Buffer {
 
     pub(crate) fn raw(&self) -> vk::Buffer {
         self.0.handle
+    }
+
+    /// Where the device finds it; the buffer must have been made with `SHADER_DEVICE_ADDRESS`.
+    pub(super) fn address(&self) -> vk::DeviceAddress {
+        let info = vk::BufferDeviceAddressInfo::default().buffer(self.raw());
+        // SAFETY: the buffer is alive, and only buffers of the ray tracing tier, which enables the feature, are asked.
+        unsafe { self.0.context.raw().get_buffer_device_address(&info) }
     }
 
     pub(super) fn context(&self) -> &Arc<Context> {

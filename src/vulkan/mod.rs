@@ -6,6 +6,7 @@
 //! | [`tier`] | what a device is and which tier of the renderer it can run | – |
 //! | [`context`] | logical device, queue, allocator, pipeline cache | until the last buffer, pipeline or submitter that holds its `Arc` is gone |
 //! | [`memory`] | buffers | as long as their owner likes |
+//! | [`tracing`] | acceleration structures, ray tracing pipelines, shader binding tables | the same |
 //! | [`shader`] | embedded SPIR-V, layouts, compute pipelines | the same |
 //! | [`descriptor`] | sets of storage buffers; they keep their buffers alive | the same |
 //! | [`command`], [`record`] | submission, waiting, time stamps; what is submitted | a submission is over when [`command::Submitter::submit`] returns |
@@ -29,6 +30,7 @@ pub mod options;
 pub mod record;
 pub mod shader;
 pub mod tier;
+pub mod tracing;
 
 pub use context::Context;
 pub use error::VulkanError;

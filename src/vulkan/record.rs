@@ -1,7 +1,7 @@
 //! Recording of commands.
 
 use super::{
-    Context, VulkanError,
+    Context, Tier, VulkanError,
     descriptor::BufferSet,
     memory::{Buffer, HostBuffer, check_range},
     shader::ComputePipeline,
@@ -29,31 +29,49 @@ impl std::fmt::Debug for Recorder<'_> {
 /// Who touches memory before or after a barrier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// Compute shaders, reading and writing.
-    Compute,
+    /// Shaders, reading and writing: compute shaders, and where the context is for ray tracing its shaders too.
+    Shaders,
     /// Copies and fills.
     Transfer,
+    /// Builds of acceleration structures: they read buffers and other structures.
+    Build,
     /// The host, after the submission.
     Host,
 }
 
 impl Access {
-    fn source(self) -> (vk::PipelineStageFlags, vk::AccessFlags) {
+    fn source(self, tier: Tier) -> (vk::PipelineStageFlags, vk::AccessFlags) {
         match self {
-            Self::Compute => (vk::PipelineStageFlags::COMPUTE_SHADER, vk::AccessFlags::SHADER_WRITE),
+            Self::Shaders => (shader_stages(tier), vk::AccessFlags::SHADER_WRITE),
+            Self::Build => (
+                vk::PipelineStageFlags::ACCELERATION_STRUCTURE_BUILD_KHR,
+                vk::AccessFlags::ACCELERATION_STRUCTURE_WRITE_KHR,
+            ),
             Self::Transfer => (vk::PipelineStageFlags::TRANSFER, vk::AccessFlags::TRANSFER_WRITE),
             Self::Host => (vk::PipelineStageFlags::HOST, vk::AccessFlags::HOST_WRITE),
         }
     }
 
-    fn destination(self) -> (vk::PipelineStageFlags, vk::AccessFlags) {
-        let (stage, write) = self.source();
+    fn destination(self, tier: Tier) -> (vk::PipelineStageFlags, vk::AccessFlags) {
+        let (stage, write) = self.source(tier);
         let read = match self {
-            Self::Compute => vk::AccessFlags::SHADER_READ,
+            Self::Shaders if tier == Tier::Rt => {
+                vk::AccessFlags::SHADER_READ | vk::AccessFlags::ACCELERATION_STRUCTURE_READ_KHR
+            }
+            Self::Shaders => vk::AccessFlags::SHADER_READ,
+            Self::Build => vk::AccessFlags::ACCELERATION_STRUCTURE_READ_KHR | vk::AccessFlags::SHADER_READ,
             Self::Transfer => vk::AccessFlags::TRANSFER_READ,
             Self::Host => return (stage, vk::AccessFlags::HOST_READ),
         };
         (stage, read | write)
+    }
+}
+
+/// Stages in which shaders of a tier run, graphics excepted: there is none.
+fn shader_stages(tier: Tier) -> vk::PipelineStageFlags {
+    match tier {
+        Tier::Compute => vk::PipelineStageFlags::COMPUTE_SHADER,
+        Tier::Rt => vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::RAY_TRACING_SHADER_KHR,
     }
 }
 
@@ -68,9 +86,10 @@ impl<'a> Recorder<'a> {
         if self.context.faults().omits_barriers() {
             return;
         }
-        let join = |all: &[Access], part: fn(Access) -> (vk::PipelineStageFlags, vk::AccessFlags)| {
+        let tier = self.context.tier();
+        let join = |all: &[Access], part: fn(Access, Tier) -> (vk::PipelineStageFlags, vk::AccessFlags)| {
             all.iter()
-                .map(|a| part(*a))
+                .map(|a| part(*a, tier))
                 .fold(Default::default(), |(s, m): (vk::PipelineStageFlags, _), (stage, mask)| (s | stage, m | mask))
         };
         let (from_stage, from_access) = join(before, Access::source);
@@ -126,9 +145,9 @@ impl<'a> Recorder<'a> {
         check_range(from.name(), 0, bytes, from.size())?;
         check_range(to.name(), offset, bytes, to.size())?;
         // Earlier submissions may have used the destination.
-        self.barrier(&[Access::Compute, Access::Transfer], &[Access::Transfer]);
+        self.barrier(&[Access::Shaders, Access::Transfer], &[Access::Transfer]);
         self.copy(from.raw(), to.raw(), offset, bytes);
-        self.barrier(&[Access::Transfer], &[Access::Compute, Access::Transfer]);
+        self.barrier(&[Access::Transfer], &[Access::Shaders, Access::Transfer]);
         Ok(())
     }
 
@@ -141,7 +160,7 @@ impl<'a> Recorder<'a> {
         self.own(to.context(), to.name())?;
         check_range(from.name(), 0, bytes, from.size())?;
         check_range(to.name(), 0, bytes, to.size())?;
-        self.barrier(&[Access::Compute, Access::Transfer], &[Access::Transfer]);
+        self.barrier(&[Access::Shaders, Access::Transfer], &[Access::Transfer]);
         self.copy(from.raw(), to.raw(), 0, bytes);
         self.barrier(&[Access::Transfer], &[Access::Host]);
         Ok(())
@@ -189,13 +208,17 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
-    /// The command buffer, for commands that have no wrapper.
+    /// The command buffer, for commands that are recorded elsewhere.
     pub fn raw(&self) -> vk::CommandBuffer {
         self.commands
     }
 
+    pub(super) fn context(&self) -> &Arc<Context> {
+        &self.context
+    }
+
     /// Handles of one device mean nothing to another.
-    fn own(&self, other: &Arc<Context>, what: &str) -> Result<(), VulkanError> {
+    pub(super) fn own(&self, other: &Arc<Context>, what: &str) -> Result<(), VulkanError> {
         if Arc::ptr_eq(&self.context, other) {
             Ok(())
         } else {

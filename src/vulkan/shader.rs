@@ -21,6 +21,63 @@ pub fn spirv(entry: &str, geometry: GeometryId) -> Result<Vec<u32>, VulkanError>
     Ok(bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word)).collect())
 }
 
+/// A shader module; it may go as soon as its pipelines are made.
+pub(super) struct Module {
+    context: Arc<Context>,
+    handle: vk::ShaderModule,
+}
+
+impl Module {
+    /// The module of an entry for a geometry.
+    pub fn new(context: &Arc<Context>, entry: &str, geometry: GeometryId) -> Result<Self, VulkanError> {
+        let code = spirv(entry, geometry)?;
+        let name = format!("{entry} for {}", geometry.name());
+        let info = vk::ShaderModuleCreateInfo::default().code(&code);
+        // SAFETY: the build's compiler made the code.
+        let handle = context.call("vkCreateShaderModule", &name, |d| unsafe { d.create_shader_module(&info, None) })?;
+        Ok(Self { context: context.clone(), handle })
+    }
+
+    /// The module as a stage of a pipeline.
+    pub fn stage<'a>(
+        &self,
+        stage: vk::ShaderStageFlags,
+        specialization: &'a vk::SpecializationInfo<'a>,
+    ) -> vk::PipelineShaderStageCreateInfo<'a> {
+        vk::PipelineShaderStageCreateInfo::default()
+            .stage(stage)
+            .module(self.handle)
+            .name(c"main")
+            .specialization_info(specialization)
+    }
+}
+
+impl Drop for Module {
+    fn drop(&mut self) {
+        // SAFETY: nothing on the device uses modules, only the making of pipelines does.
+        unsafe { self.context.raw().destroy_shader_module(self.handle, None) };
+    }
+}
+
+/// Values of the specialization constants 0, 1, 2, …
+pub(super) struct Specialized<'a> {
+    entries: Vec<vk::SpecializationMapEntry>,
+    constants: &'a [u32],
+}
+
+impl<'a> Specialized<'a> {
+    pub fn new(constants: &'a [u32]) -> Self {
+        let entries = (0..constants.len() as u32)
+            .map(|id| vk::SpecializationMapEntry { constant_id: id, offset: 4 * id, size: 4 })
+            .collect();
+        Self { entries, constants }
+    }
+
+    pub fn info(&self) -> vk::SpecializationInfo<'_> {
+        vk::SpecializationInfo::default().map_entries(&self.entries).data(bytemuck::cast_slice(self.constants))
+    }
+}
+
 /// What a compute pipeline is made of.
 #[derive(Clone, Copy, Debug)]
 pub struct ComputeShader<'a> {
@@ -54,21 +111,11 @@ impl ComputePipeline {
     /// Driver failures, and an entry that the build does not have.
     pub fn new(context: &Arc<Context>, shader: &ComputeShader<'_>) -> Result<Self, VulkanError> {
         let name = format!("{} for {}", shader.entry, shader.geometry.name());
-        let code = spirv(shader.entry, shader.geometry)?;
         let layout = Layout::new(context, &name, vk::ShaderStageFlags::COMPUTE, shader.push_bytes)?;
-        let info = vk::ShaderModuleCreateInfo::default().code(&code);
-        // SAFETY: the build's compiler made the code.
-        let module = context.call("vkCreateShaderModule", &name, |d| unsafe { d.create_shader_module(&info, None) })?;
-        let entries: Vec<_> = (0..shader.constants.len() as u32)
-            .map(|id| vk::SpecializationMapEntry { constant_id: id, offset: 4 * id, size: 4 })
-            .collect();
-        let specialization =
-            vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(shader.constants));
-        let stage = vk::PipelineShaderStageCreateInfo::default()
-            .stage(vk::ShaderStageFlags::COMPUTE)
-            .module(module)
-            .name(c"main")
-            .specialization_info(&specialization);
+        let module = Module::new(context, shader.entry, shader.geometry)?;
+        let specialized = Specialized::new(shader.constants);
+        let specialization = specialized.info();
+        let stage = module.stage(vk::ShaderStageFlags::COMPUTE, &specialization);
         let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout.raw())];
         let made = context.call("vkCreateComputePipelines", &name, |d| {
             // SAFETY: module and layout are alive; on failure no pipeline has been made, as there is only one.
@@ -76,8 +123,6 @@ impl ComputePipeline {
                 .map_err(|(_, result)| result)
                 .map(|made| made.first().copied().unwrap_or_default())
         });
-        // SAFETY: a module may go as soon as its pipelines are made.
-        unsafe { context.raw().destroy_shader_module(module, None) };
         let handle = made?;
         context.name_object(handle, &name);
         Ok(Self { name, layout, handle })

@@ -82,6 +82,34 @@ pub(super) struct Found {
     pub timestamp_period: f32,
     /// `VK_KHR_portability_subset`, which must be enabled where it exists.
     pub portability: bool,
+    /// Limits of ray tracing, where the device has it.
+    pub rt: RtLimits,
+    /// Identifies the driver's build to pipeline caches.
+    pub cache_uuid: [u8; vk::UUID_SIZE],
+}
+
+/// Limits of ray tracing pipelines and acceleration structures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RtLimits {
+    /// Levels of tracing from inside of shaders, raygen's own trace included; 1 at least.
+    pub recursion_depth: u32,
+    /// Bytes of a shader group's handle.
+    pub handle_size: u32,
+    /// Alignment of handles in a shader binding table.
+    pub handle_alignment: u32,
+    /// Alignment of the parts of a shader binding table.
+    pub base_alignment: u32,
+    /// Largest distance of two records of a shader binding table.
+    pub max_stride: u32,
+    /// Alignment of scratch memory for acceleration structures.
+    pub scratch_alignment: u32,
+    /// Most primitives in a bottom-level structure.
+    pub max_primitives: u64,
+    /// Most instances in a top-level structure.
+    pub max_instances: u64,
+    /// Whether invocations can be reordered between traversal and shading
+    /// (`VK_NV_ray_tracing_invocation_reorder`).
+    pub reorder: bool,
 }
 
 impl fmt::Display for DeviceInfo {
@@ -92,6 +120,11 @@ impl fmt::Display for DeviceInfo {
 }
 
 impl DeviceInfo {
+    /// Limits of ray tracing; zeros where the device has none.
+    pub fn rt(&self) -> RtLimits {
+        self.found.rt
+    }
+
     /// What the device lacks for a tier, in words; empty if it can run it.
     pub fn lacks(&self, tier: Tier) -> Vec<String> {
         match tier {
@@ -126,6 +159,9 @@ pub(super) const RT_EXTENSIONS: &[&CStr] = &[
     ash::khr::deferred_host_operations::NAME,
 ];
 
+/// Device extension of [`RtLimits::reorder`], enabled where it exists.
+pub(super) const REORDER_EXTENSION: &CStr = ash::nv::ray_tracing_invocation_reorder::NAME;
+
 /// The feature structures of the tiers, one by one: an OpenXR runtime may chain its own structures for features
 /// of the same Vulkan version into device creation, which the collective `VkPhysicalDeviceVulkan12Features`
 /// forbids.
@@ -135,6 +171,7 @@ pub(super) struct Features {
     pub address: vk::PhysicalDeviceBufferDeviceAddressFeatures<'static>,
     pub acceleration: vk::PhysicalDeviceAccelerationStructureFeaturesKHR<'static>,
     pub pipeline: vk::PhysicalDeviceRayTracingPipelineFeaturesKHR<'static>,
+    pub reorder: vk::PhysicalDeviceRayTracingInvocationReorderFeaturesNV<'static>,
 }
 
 impl Features {
@@ -146,6 +183,8 @@ impl Features {
             address: vk::PhysicalDeviceBufferDeviceAddressFeatures::default().buffer_device_address(rt),
             acceleration: vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(rt),
             pipeline: vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default().ray_tracing_pipeline(rt),
+            reorder: vk::PhysicalDeviceRayTracingInvocationReorderFeaturesNV::default()
+                .ray_tracing_invocation_reorder(rt),
         }
     }
 }
@@ -171,19 +210,28 @@ pub(super) fn describe(
     })?;
     let has = |wanted: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(wanted));
     let rt_extensions = RT_EXTENSIONS.iter().all(|e| has(e));
+    let reorder_extension = rt_extensions && has(REORDER_EXTENSION);
 
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut features = Features::default();
+    let mut rt_pipeline = vk::PhysicalDeviceRayTracingPipelinePropertiesKHR::default();
+    let mut rt_structure = vk::PhysicalDeviceAccelerationStructurePropertiesKHR::default();
     // Structures of Vulkan 1.2 and of extensions may only be chained where the device knows them.
     let modern = api_version >= (1, 2, 0);
     if modern {
         let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
+        if rt_extensions {
+            properties = properties.push_next(&mut rt_pipeline).push_next(&mut rt_structure);
+        }
         // SAFETY: as above; the chain holds structures of the device's own Vulkan version.
         unsafe { instance.get_physical_device_properties2(physical, &mut properties) };
         let mut chain =
             vk::PhysicalDeviceFeatures2::default().push_next(&mut features.scalar).push_next(&mut features.address);
         if rt_extensions {
             chain = chain.push_next(&mut features.acceleration).push_next(&mut features.pipeline);
+        }
+        if reorder_extension {
+            chain = chain.push_next(&mut features.reorder);
         }
         // SAFETY: as above.
         unsafe { instance.get_physical_device_features2(physical, &mut chain) };
@@ -258,6 +306,18 @@ pub(super) fn describe(
             timestamp_bits: family.map_or(0, |f| families[f].timestamp_valid_bits),
             timestamp_period: limits.timestamp_period,
             portability: has(ash::khr::portability_subset::NAME),
+            rt: RtLimits {
+                recursion_depth: rt_pipeline.max_ray_recursion_depth,
+                handle_size: rt_pipeline.shader_group_handle_size,
+                handle_alignment: rt_pipeline.shader_group_handle_alignment,
+                base_alignment: rt_pipeline.shader_group_base_alignment,
+                max_stride: rt_pipeline.max_shader_group_stride,
+                scratch_alignment: rt_structure.min_acceleration_structure_scratch_offset_alignment,
+                max_primitives: rt_structure.max_primitive_count,
+                max_instances: rt_structure.max_instance_count,
+                reorder: reorder_extension && features.reorder.ray_tracing_invocation_reorder == vk::TRUE,
+            },
+            cache_uuid: basic.pipeline_cache_uuid,
         },
     })
 }

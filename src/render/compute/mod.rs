@@ -246,7 +246,7 @@ impl Picture<'_> {
         bound.push(Bound::whole(binding::pixels, &pixels));
         let counts = self.loaded.counters.as_ref().map_or(&self.backend.null, |(counts, _)| counts);
         bound.push(Bound::whole(binding::counts, counts));
-        for unused in [binding::probe_in, binding::probe_out] {
+        for unused in [binding::probe_in, binding::probe_out, binding::scenes] {
             bound.push(Bound::whole(unused, &self.backend.null));
         }
         let set = BufferSet::new(self.loaded.pipeline.layout(), &bound)?;
@@ -272,10 +272,10 @@ impl Picture<'_> {
         }
         let buffer = &self.loaded.view;
         submitter.submit("begin a picture", |r| {
-            r.barrier(&[Access::Compute, Access::Transfer], &[Access::Transfer]);
+            r.barrier(&[Access::Shaders, Access::Transfer], &[Access::Transfer]);
             r.write(buffer, &view)?;
             r.clear(&canvas.pixels)?;
-            r.barrier(&[Access::Transfer], &[Access::Compute]);
+            r.barrier(&[Access::Transfer], &[Access::Shaders]);
             Ok(())
         })?;
         let size = [width, rows.end - rows.start];
@@ -301,11 +301,11 @@ impl Picture<'_> {
         let counting = counters.as_mut().map(|(counts, readback)| (&**counts, readback));
         let elapsed = self.backend.submitter.submit("draw a tile", |r| {
             if let Some((counts, _)) = &counting {
-                r.barrier(&[Access::Compute, Access::Transfer], &[Access::Transfer]);
+                r.barrier(&[Access::Shaders, Access::Transfer], &[Access::Transfer]);
                 r.clear(counts)?;
             }
             // Earlier samples of the same pixels, and the fills.
-            r.barrier(&[Access::Compute, Access::Transfer], &[Access::Compute]);
+            r.barrier(&[Access::Shaders, Access::Transfer], &[Access::Shaders]);
             r.dispatch(pipeline, &canvas.set, Some(tile), groups)?;
             if let Some((counts, readback)) = counting {
                 r.readback(counts, readback, COUNT_BYTES)?;

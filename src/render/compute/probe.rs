@@ -86,7 +86,7 @@ impl Probe {
             let pipeline = &self.pipeline;
             self.submitter.submit("run the probe", |r| {
                 // The readback of the batch before, and the upload of this one.
-                r.barrier(&[Access::Compute, Access::Transfer], &[Access::Compute]);
+                r.barrier(&[Access::Shaders, Access::Transfer], &[Access::Shaders]);
                 r.dispatch::<u32>(pipeline, set, None, groups)?;
                 r.readback(buffer, readback, bytes)
             })?;

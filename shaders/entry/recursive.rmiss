@@ -1,0 +1,17 @@
+// The recursive variant, an experiment: as in the book's text (its section 3.3.5) the miss shader does not only
+// transport the geodesic but traces on itself. Each bounce is one level of recursion.
+#define COUNT_AT_ONCE
+#include "trace/payload.glsl"
+
+layout(location = PAYLOAD_PRIMARY) rayPayloadInEXT Payload payload;
+
+void main() {
+    stage_transport(payload.path, io_view[0].bounces);
+    Segment segment;
+    if (payload.path.status != PATH_FLYING
+        || !stage_segment(payload.path, walk_limit(), io_view[0].bounces, false, segment)) return;
+    count(IO_COUNT_SEGMENTS);
+    traceRayEXT(accelerationStructureEXT(io_scenes[walk_cell(payload.path)]),
+                IO_ALPHA_MASK ? gl_RayFlagsNoneEXT : gl_RayFlagsOpaqueEXT, 0xffu, 0u, 1u, MISS_PRIMARY,
+                segment.origin, 0.0, segment.direction, 1.0, PAYLOAD_PRIMARY);
+}

@@ -1,0 +1,9 @@
+// The miss shader of primary rays: it transports the geodesic through the face that it leaves by.
+#define COUNT_AT_ONCE
+#include "trace/payload.glsl"
+
+layout(location = PAYLOAD_PRIMARY) rayPayloadInEXT Payload payload;
+
+void main() {
+    stage_transport(payload.path, io_view[0].bounces);
+}

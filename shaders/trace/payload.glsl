@@ -1,0 +1,27 @@
+// What the ray tracing pipeline carries between raygen and the other stages.
+#ifndef PAYLOAD_GLSL
+#define PAYLOAD_GLSL
+#include "stage/hit.glsl"
+
+// A primary ray: 92 bytes, 64 of which any stage needs to move a geodesic on and 28 to say what was hit. The material
+// itself is read by raygen: its seven numbers would have to be kept alive through every traversal.
+struct Payload {
+    Path path;
+    Hit hit;
+};
+
+// Locations of a primary ray's Payload and of a shadow ray's Path (64 bytes).
+const int PAYLOAD_PRIMARY = 0;
+const int PAYLOAD_SHADOW = 1;
+
+// Indices of miss shaders in the shader binding table.
+const uint MISS_PRIMARY = 0u;
+const uint MISS_SHADOW = 1u;
+
+// What a hit group's record says: where the primitives of its geometry are in the buffers, and their material.
+struct HitRecord {
+    uint first;
+    uint material;
+};
+
+#endif
