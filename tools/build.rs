@@ -23,6 +23,7 @@ registry::geometries!(modules);
 const ENTRIES: &[&str] = &[
     "path.comp",
     "probe.comp",
+    "place.comp",
     "raygen.rgen",
     "raygen_reorder.rgen",
     "transport.rmiss",

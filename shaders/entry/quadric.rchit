@@ -7,5 +7,6 @@ layout(shaderRecordEXT, scalar) buffer Record { HitRecord record; };
 
 void main() {
     Segment segment = Segment(gl_WorldRayOriginEXT, gl_WorldRayDirectionEXT);
-    stage_hit_quadric(payload.path, payload.hit, segment, record.first + gl_PrimitiveID, record.material);
+    uint index = record.first + gl_PrimitiveID;
+    stage_hit_quadric(payload.path, payload.hit, segment, index, io_quadric_shading[index].material);
 }

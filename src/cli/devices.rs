@@ -24,7 +24,7 @@ pub(super) fn run(args: &DevicesArgs) -> Outcome {
 }
 
 /// Backends with the tier of devices that each needs.
-const DEVICE_BACKENDS: &[(&str, Tier)] = &[("compute", Tier::Compute)];
+const DEVICE_BACKENDS: &[(&str, Tier)] = &[("rt", Tier::Rt), ("compute", Tier::Compute)];
 
 fn as_json(devices: &Result<Vec<DeviceInfo>, String>, runtime: &Result<String, String>) -> Value {
     let device = |d: &DeviceInfo| {

@@ -112,6 +112,9 @@ impl Engine {
             (None | Some(BackendChoice::Auto), Some(Precision::F32)) => true,
             (None | Some(BackendChoice::Auto | BackendChoice::Cpu), Some(Precision::F64) | None) => false,
             (Some(BackendChoice::Compute), None | Some(Precision::F32)) => true,
+            (Some(BackendChoice::Rt), _) => {
+                return Err(Failure::refused(anyhow!("rt traces pictures: for single geodesics use compute or cpu")));
+            }
             (Some(BackendChoice::Cpu), Some(Precision::F32)) => {
                 return Err(Failure::refused(anyhow!("the cpu computes in f64: for f32 use --backend compute")));
             }

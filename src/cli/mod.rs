@@ -105,6 +105,8 @@ enum Command {
 pub enum BackendChoice {
     /// The fastest that this machine has; says which and why.
     Auto,
+    /// The Vulkan ray tracing pipeline.
+    Rt,
     /// Vulkan compute.
     Compute,
     /// The CPU in f64.
@@ -166,6 +168,10 @@ struct RenderArgs {
     /// Turns the pattern of several samples.
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
+    /// With the backend rt: miss shaders trace on by themselves instead of returning to raygen. An experiment; the
+    /// device must grant a recursion depth of one more than bounces.
+    #[arg(long)]
+    recursive: bool,
     /// Keep a feature in that the scene does not need, to measure what leaving it out saves. Repeatable.
     #[arg(long, value_name = "FEATURE", value_parser = feature_parser())]
     keep: Vec<Feature>,

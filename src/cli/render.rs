@@ -11,12 +11,13 @@ use crate::{
         compute::ComputeBackend,
         cpu::CpuBackend,
         plan::{Feature, Plan},
+        rt::{RtBackend, RtOptions},
         world::World,
     },
     scene::{Scene, file},
     shader_io as io,
     space::{domain::Domain, observer::Frame, reduce::reduce_frame},
-    vulkan::{Context, ContextOptions},
+    vulkan::{Context, ContextOptions, Tier, VulkanError},
 };
 use anyhow::anyhow;
 use glam::DVec3;
@@ -45,7 +46,7 @@ pub(super) fn run(args: &RenderArgs) -> Outcome {
     let stats_file = args.stats.as_deref().map(PendingFile::create).transpose()?;
 
     let plan = Plan::new(&scene, stats_file.is_some()).keep(&args.keep);
-    let (mut backend, reason) = backend_for(args.backend, &plan)?;
+    let (mut backend, reason) = backend_for(args, &plan)?;
     let world = Arc::new(World::new(&scene, &plan, scene.observer.frame).map_err(Failure::refused)?);
     let loading = Instant::now();
     backend.load(&world).map_err(render_failure)?;
@@ -79,18 +80,30 @@ pub(super) fn run(args: &RenderArgs) -> Outcome {
 }
 
 /// The backend that the user chose, ready for the plan.
-fn backend_for(choice: BackendChoice, plan: &Plan) -> Result<(Box<dyn Backend>, String), Failure> {
-    let (backend, reason): (Box<dyn Backend>, _) = match choice {
+fn backend_for(args: &RenderArgs, plan: &Plan) -> Result<(Box<dyn Backend>, String), Failure> {
+    if args.recursive && args.backend != BackendChoice::Rt {
+        return Err(Failure::refused(anyhow!("--recursive is an experiment of the backend rt: add --backend rt")));
+    }
+    let open = |tier| {
+        let options = ContextOptions { tier, ..ContextOptions::from_env().map_err(Failure::vulkan)? };
+        Context::new(&options).map_err(Failure::vulkan)
+    };
+    let asked_for = |backend: &dyn Backend| format!("backend {}: {} (asked for)", backend.name(), backend.device());
+    let (backend, reason): (Box<dyn Backend>, _) = match args.backend {
         BackendChoice::Auto => {
             let chosen = auto::choose(plan).map_err(Failure::vulkan)?;
             (chosen.backend, chosen.reason)
         }
         BackendChoice::Cpu => (Box::new(CpuBackend::default()), String::from("backend cpu: asked for")),
         BackendChoice::Compute => {
-            let options = ContextOptions::from_env().map_err(Failure::vulkan)?;
-            let context = Context::new(&options).map_err(Failure::vulkan)?;
-            let backend = ComputeBackend::new(&context).map_err(Failure::failed)?;
-            let reason = format!("backend compute: {} (asked for)", backend.device());
+            let backend = ComputeBackend::new(&open(Tier::Compute)?).map_err(Failure::failed)?;
+            let reason = asked_for(&backend);
+            (Box::new(backend), reason)
+        }
+        BackendChoice::Rt => {
+            let options = RtOptions { recursive: args.recursive };
+            let backend = RtBackend::with_options(&open(Tier::Rt)?, options).map_err(Failure::failed)?;
+            let reason = asked_for(&backend);
             (Box::new(backend), reason)
         }
     };
@@ -100,7 +113,8 @@ fn backend_for(choice: BackendChoice, plan: &Plan) -> Result<(Box<dyn Backend>, 
 
 fn render_failure(error: RenderError) -> Failure {
     match error {
-        RenderError::TooLarge { .. } => Failure::refused(error),
+        RenderError::TooLarge { .. }
+        | RenderError::Vulkan(VulkanError::Recursion { .. } | VulkanError::TooMany { .. }) => Failure::refused(error),
         RenderError::NothingLoaded | RenderError::Vulkan(_) => Failure::failed(error),
     }
 }
@@ -138,6 +152,8 @@ fn add(sum: &mut Stats, stats: &Stats) {
     sum.wall_time += stats.wall_time;
     sum.memory = sum.memory.max(stats.memory);
     sum.dispatches += stats.dispatches;
+    sum.structures = stats.structures;
+    sum.uncounted = stats.uncounted;
 }
 
 struct Times {
@@ -159,6 +175,8 @@ fn stats_json(
 ) -> Value {
     let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
     let count = |index: u32| stats.counts[index as usize];
+    // What the device's own traversal does is not known, which is not the same as nothing.
+    let shown = |index: u32, value: Value| if stats.uncounted.contains(&index) { Value::Null } else { value };
     let named = [
         ("rays", io::COUNT_RAYS),
         ("segments", io::COUNT_SEGMENTS),
@@ -172,9 +190,9 @@ fn stats_json(
         ("lost", io::COUNT_LOST),
     ];
     let pixels = f64::from(args.size[0]) * f64::from(args.size[1]) * eyes as f64;
-    let counts: serde_json::Map<_, _> = named.iter().map(|(name, i)| ((*name).to_owned(), json!(count(*i)))).collect();
+    let counts: serde_json::Map<_, _> = named.iter().map(|(name, i)| ((*name).to_owned(), shown(*i, json!(count(*i))))).collect();
     let per_pixel: serde_json::Map<_, _> =
-        named.iter().map(|(name, i)| ((*name).to_owned(), json!(count(*i) as f64 / pixels))).collect();
+        named.iter().map(|(name, i)| ((*name).to_owned(), shown(*i, json!(count(*i) as f64 / pixels)))).collect();
     let features = |wanted: fn(&crate::render::plan::Decision) -> bool| -> Vec<Value> {
         let chosen = plan.decisions.iter().filter(|d| wanted(d));
         chosen.map(|d| json!({ "feature": d.feature.name(), "because": d.reason })).collect()
@@ -195,9 +213,8 @@ fn stats_json(
         "left_out": features(|d| !d.needed && !d.kept),
         "kept_in": features(|d| d.kept),
         "content": {
-            "triangles": world.triangles.len(),
+            "triangles": world.meshes().triangles.len(),
             "quadrics": world.quadrics.len(),
-            "nodes": world.nodes.len(),
             "light_images": world.lights.len(),
             "texels": world.textures.iter().map(|t| t.texels.len()).sum::<usize>(),
             "faces": world.domain.faces.len(),
@@ -205,6 +222,17 @@ fn stats_json(
         "counts": counts,
         "per_pixel": per_pixel,
         "memory_bytes": stats.memory,
+        "acceleration": stats.structures.map(|s| json!({
+            "bottom_structures": s.bottom,
+            "bottom_bytes_before_compaction": s.bytes_built,
+            "bottom_bytes": s.bytes_compacted,
+            "moving_bytes": s.bytes_moving,
+            "instances": s.instances,
+            "top_bytes": s.bytes_top,
+            "table_bytes": s.bytes_table,
+            "builds": s.builds,
+            "refits": s.refits,
+        })),
         "dispatches": stats.dispatches,
         "time_ms": {
             "prepare": milliseconds(times.prepare),

@@ -5,7 +5,7 @@
 //! straight in the chart, and every formula is exact.
 
 use super::{ALONG_FACE, Geodesic, Geometry, Isometry, Quadric, across, matrix_of, spatial};
-use glam::{DMat3, DMat4, DVec3, DVec4, Vec4Swizzles};
+use glam::{DAffine3, DMat3, DMat4, DVec3, DVec4, Vec4Swizzles};
 
 /// Euclidean three-space.
 #[derive(Clone, Copy, Debug)]
@@ -140,6 +140,10 @@ impl Geometry for E3 {
             rotation.z_axis.extend(0.0),
             shift.extend(1.0),
         ))
+    }
+
+    fn chart_action(&self, m: &Isometry) -> Option<DAffine3> {
+        Some(DAffine3::from_mat4(m.linear))
     }
 
     fn isometry_residual(&self, m: &Isometry) -> f64 {

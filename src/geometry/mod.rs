@@ -27,7 +27,7 @@ pub mod laws;
 pub(crate) mod registry;
 pub mod s3;
 
-use glam::{DMat4, DVec3, DVec4, Vec4Swizzles};
+use glam::{DAffine3, DMat4, DVec3, DVec4, Vec4Swizzles};
 use registry::geometries;
 
 /// A point with a tangent vector there; a unit vector unless said otherwise.
@@ -210,7 +210,7 @@ pub trait Geometry: Copy + Send + Sync + 'static {
     /// the chart; it raises the index).
     fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4;
 
-    /// The chart covector of a tangent vector: inverse of `raise` up to length. *Host only.*
+    /// The chart covector of a tangent vector: inverse of `raise` up to length.
     fn lower(&self, p: DVec4, v: DVec4) -> DVec3;
 
     /// Volume element of the metric in the chart. *Host only.*
@@ -243,6 +243,11 @@ pub trait Geometry: Copy + Send + Sync + 'static {
 
     /// The inverse isometry. *Host only.*
     fn inverse(&self, m: &Isometry) -> Isometry;
+
+    /// The affine map of the chart by which an isometry acts, or `None` where it acts otherwise. *Host only.*
+    fn chart_action(&self, _m: &Isometry) -> Option<DAffine3> {
+        None
+    }
 
     /// How far `m` is from preserving the metric: largest deviation of the defining relation. *Host only.*
     fn isometry_residual(&self, m: &Isometry) -> f64;
@@ -385,6 +390,20 @@ fn components_text<G: Geometry>(geometry: G, v: DVec4) -> String {
 pub fn exponential<G: Geometry>(geometry: G, p: DVec4, w: DVec4) -> DVec4 {
     let norm = geometry.norm(p, w);
     if norm == 0.0 { p } else { geometry.flow(Geodesic { point: p, velocity: w / norm }, norm).point }
+}
+
+/// The isometry that carries one point with an orthonormal frame to another, or `None` where there is none that is
+/// linear in the coordinates: not every geometry has one for every turn.
+pub fn carry<G: Geometry>(geometry: G, from: (DVec4, [DVec4; 3]), to: (DVec4, [DVec4; 3])) -> Option<Isometry> {
+    let columns = |(p, [x, y, z]): (DVec4, [DVec4; 3])| DMat4::from_cols(x, y, z, p);
+    let isometry = Isometry::linear(columns(to) * columns(from).inverse());
+    // Rounding of the inverse grows with the entries.
+    let size = isometry.linear.to_cols_array().iter().fold(1.0, |m: f64, x| m.max(x.abs()));
+    let arrives = (0..3).all(|i| {
+        let image = geometry.apply(&isometry, Geodesic { point: from.0, velocity: from.1[i] });
+        (image.point - to.0).abs().max((image.velocity - to.1[i]).abs()).max_element() <= 1e-9 * size
+    });
+    (arrives && geometry.isometry_residual(&isometry) <= 1e-9 * size * size).then_some(isometry)
 }
 
 /// Two unit vectors normal to a unit vector and to each other.

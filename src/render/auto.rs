@@ -1,8 +1,8 @@
 //! Choice of the backend.
 
-use super::{Backend, Missing, compute::ComputeBackend, cpu::CpuBackend, plan::Plan};
+use super::{Backend, Missing, compute::ComputeBackend, cpu::CpuBackend, plan::Plan, rt::RtBackend};
 use crate::vulkan::{
-    context::Context,
+    self, Context, DeviceInfo, Tier, VulkanError,
     options::{ContextOptions, Validation},
     tier::DeviceKind,
 };
@@ -15,32 +15,68 @@ pub struct Chosen {
     pub reason: String,
 }
 
-/// Takes the fastest backend that can carry out the plan: compute on a GPU, else the CPU. Software Vulkan runs the
-/// compute backend as well, but the README's table shows it to be slower than the CPU backend on the same cores.
+/// Takes the fastest backend that can carry out the plan: ray tracing on a GPU that has it, else compute on a GPU, else
+/// the CPU. Software Vulkan runs both device backends as well, but the README's table shows them to be slower than the
+/// CPU backend on the same cores; they are taken only where the user names the device.
+///
+/// A GPU that turns out to be unusable is no reason to fail: the next backend is tried, and the reason says so.
 ///
 /// # Errors
 /// `HOLONOMY_DEVICE` names no device, or validation is asked for and absent: what a user asks for by name is not
 /// replaced in silence.
-pub fn choose(plan: &Plan) -> Result<Chosen, crate::vulkan::VulkanError> {
-    let options = ContextOptions::from_env()?;
+pub fn choose(plan: &Plan) -> Result<Chosen, VulkanError> {
+    choose_with(&ContextOptions::from_env()?, plan)
+}
+
+/// The same with options for the device; their tier is not looked at.
+///
+/// # Errors
+/// As [`choose`].
+pub fn choose_with(options: &ContextOptions, plan: &Plan) -> Result<Chosen, VulkanError> {
     let on_cpu =
         |why: String| Chosen { backend: Box::new(CpuBackend::default()), reason: format!("backend cpu: {why}") };
-    let context = match Context::new(&options) {
-        Ok(context) => context,
-        Err(error) if options.device.is_none() && options.validation == Validation::Off => {
-            return Ok(on_cpu(format!("no Vulkan device can be used ({error})")));
-        }
+    let by_name = options.device.is_some() || options.validation != Validation::Off;
+    let devices = match vulkan::devices(options) {
+        Ok(devices) => devices,
+        Err(error) if !by_name => return Ok(on_cpu(format!("no Vulkan device can be used ({error})"))),
         Err(error) => return Err(error),
     };
-    if context.info().kind == DeviceKind::Cpu && options.device.is_none() {
-        return Ok(on_cpu(format!("faster than software Vulkan, and there is no GPU ({})", context.info().name)));
+    let software = |device: &&DeviceInfo| device.kind == DeviceKind::Cpu;
+    if options.device.is_none() && devices.iter().all(|device| software(&device)) {
+        let names: Vec<&str> = devices.iter().map(|device| device.name.as_str()).collect();
+        return Ok(on_cpu(format!("faster than software Vulkan, and there is no GPU ({})", names.join(", "))));
     }
-    let backend = ComputeBackend::new(&context)?;
-    Ok(match backend.check(plan) {
-        Err(Missing(what)) => on_cpu(format!("{} lacks {what}", backend.device())),
-        Ok(()) => {
-            let reason = format!("backend compute: {}", backend.device());
-            Chosen { backend: Box::new(backend), reason }
+    let mut failures = Vec::new();
+    for tier in [Tier::Rt, Tier::Compute] {
+        let options = ContextOptions { tier, ..options.clone() };
+        // Software that can trace must not win over a GPU that cannot.
+        let usable = |device: &DeviceInfo| device.can(tier) && (options.device.is_some() || !software(&device));
+        if options.device.is_none() && !devices.iter().any(usable) {
+            continue;
         }
+        match open(&options) {
+            Ok(backend) => match backend.check(plan) {
+                Ok(()) => {
+                    let mut reason = format!("backend {}: {}", backend.name(), backend.device());
+                    if !failures.is_empty() {
+                        reason += &format!(" (because {})", failures.join("; "));
+                    }
+                    return Ok(Chosen { backend, reason });
+                }
+                Err(Missing(what)) => failures.push(format!("{} lacks {what}", backend.device())),
+            },
+            // A mistyped name stays a mistake.
+            Err(error @ VulkanError::UnknownDevice { .. }) => return Err(error),
+            Err(error) => failures.push(error.to_string()),
+        }
+    }
+    Ok(on_cpu(failures.join("; ")))
+}
+
+fn open(options: &ContextOptions) -> Result<Box<dyn Backend>, VulkanError> {
+    let context = Context::new(options)?;
+    Ok(match options.tier {
+        Tier::Rt => Box::new(RtBackend::new(&context)?),
+        Tier::Compute => Box::new(ComputeBackend::new(&context)?),
     })
 }

@@ -1,14 +1,17 @@
 //! Rendering: one trait, its backends, and what they share.
 //!
 //! [`plan`] decides without any device which stages a scene needs, [`world`] prepares the scene in the charts of
-//! its cells, [`bvh`] builds the hierarchy, and each backend has a folder: [`cpu`] in f64, [`compute`] on Vulkan.
+//! its cells, [`bvh`] builds hierarchies, and each backend has a folder: [`cpu`] in f64, [`compute`] and [`rt`] on
+//! Vulkan devices, with what both have in common in [`device`].
 //! All draw the same picture from the same [`world::World`].
 
 pub mod auto;
 pub mod bvh;
 pub mod compute;
 pub mod cpu;
+pub mod device;
 pub mod plan;
+pub mod rt;
 pub mod world;
 
 use crate::{shader_io, space::observer::Frame};
@@ -35,6 +38,14 @@ pub trait Backend {
     /// # Errors
     /// Device faults, and worlds that do not fit into the device's limits.
     fn load(&mut self, world: &Arc<World>) -> Result<(), RenderError>;
+
+    /// Takes in another pose of the loaded world, one made from it by [`World::posed`].
+    ///
+    /// # Errors
+    /// As [`Backend::load`].
+    fn pose(&mut self, world: &Arc<World>) -> Result<(), RenderError> {
+        self.load(world)
+    }
 
     /// Draws one picture of the loaded world. `progress` is called with the share that is done, from 0 to 1.
     ///
@@ -179,4 +190,31 @@ pub struct Stats {
     pub memory: u64,
     /// Dispatches submitted (tiles × samples), or tasks run.
     pub dispatches: u64,
+    /// Counters that the backend cannot know.
+    pub uncounted: &'static [u32],
+    /// Acceleration structures, of the backend that has them.
+    pub structures: Option<StructureStats>,
+}
+
+/// Acceleration structures of a world on a device.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StructureStats {
+    /// Bottom-level structures.
+    pub bottom: u64,
+    /// Bytes that the driver reserved for those that never change.
+    pub bytes_built: u64,
+    /// Bytes that are left of them after compaction.
+    pub bytes_compacted: u64,
+    /// Bytes of those that can be refitted, with their scratch memory.
+    pub bytes_moving: u64,
+    /// Instances in top-level structures.
+    pub instances: u64,
+    /// Bytes of top-level structures with their instances and scratch memory.
+    pub bytes_top: u64,
+    /// Bytes of the shader binding table.
+    pub bytes_table: u64,
+    /// Builds from nothing so far, of both levels.
+    pub builds: u64,
+    /// Refits so far, of both levels.
+    pub refits: u64,
 }

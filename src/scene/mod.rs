@@ -202,6 +202,24 @@ pub struct Object {
     pub scale: f64,
     /// Material instead of the mesh's own (required for quadrics).
     pub material: Option<usize>,
+    /// How it moves in a sequence of pictures.
+    pub motion: Option<Motion>,
+}
+
+impl Object {
+    /// Whether its place changes from picture to picture of a sequence.
+    pub fn moves(&self) -> bool {
+        self.motion.is_some() || matches!(self.place, Place::Viewer { .. })
+    }
+}
+
+/// A steady motion: along a geodesic with parallel transport of the object's frame, while it turns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// Initial velocity in the object's own axes, in units of length per unit of time.
+    pub velocity: DVec3,
+    /// Axis times angle in radians per unit of time, in the object's own axes.
+    pub turn: DVec3,
 }
 
 /// What a picture shows.

@@ -1,7 +1,7 @@
 //! The `[[object]]` tables of a scene file.
 
 use super::{
-    Object, Place, Shape,
+    Motion, Object, Place, Shape,
     file::Builder,
     gltf,
     places::{self, Local},
@@ -12,7 +12,7 @@ use glam::{DMat3, DVec3};
 
 pub(super) const KEYS: &[&str] = &[
     "name", "kind", "file", "position", "cell", "frame", "look", "up", "rotate", "scale", "radius", "length",
-    "material", "attach", "offset",
+    "material", "attach", "offset", "motion",
 ];
 
 /// How far a mesh may reach from its origin, as a length in the space.
@@ -73,11 +73,32 @@ pub(super) fn read(mut table: Table, builder: &mut Builder) -> Result<(), SceneE
         Kind::DomainEdges => Shape::DomainEdges { radius: table.need("radius")?.number(radius)? },
     };
     let (place, attach_name) = place(&mut table, kind, builder)?;
+    let motion = table.take("motion").map(|v| motion(&v, kind)).transpose()?;
     table.finish(&format!("for an object of kind {kind_name:?} with attach = {attach_name:?}"))?;
     let default_name = || format!("{kind_name} {}", builder.objects.len());
     let name = name.unwrap_or_else(default_name);
-    builder.objects.push(Object { name, shape, place, scale, material });
+    builder.objects.push(Object { name, shape, place, scale, material, motion });
     Ok(())
+}
+
+/// `motion = { velocity = [x, y, z], spin = [x, y, z, degrees] }`, both per unit of time and in the object's own axes.
+fn motion(value: &Value, kind: Kind) -> Result<Motion, SceneError> {
+    if kind == Kind::DomainEdges {
+        return Err(value.error("the edges of a cell stay where they are: they cannot move"));
+    }
+    let mut table = value.table("motion", &["velocity", "spin"])?;
+    let velocity = table.take("velocity").map(|v| v.numbers(&[3], Bounds::closed(-MAX_REACH, MAX_REACH))).transpose()?;
+    let spin = table.take("spin");
+    table.finish("in motion")?;
+    let turn = match spin {
+        Some(value) => {
+            let n = value.numbers(&[4], Bounds::closed(-1e6, 1e6))?;
+            let axis = DVec3::new(n[0], n[1], n[2]).try_normalize();
+            axis.ok_or_else(|| value.error("the axis is zero"))? * n[3].to_radians()
+        }
+        None => DVec3::ZERO,
+    };
+    Ok(Motion { velocity: velocity.map_or(DVec3::ZERO, |v| DVec3::new(v[0], v[1], v[2])), turn })
 }
 
 fn place(table: &mut Table, kind: Kind, builder: &Builder) -> Result<(Place, &'static str), SceneError> {

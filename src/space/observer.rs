@@ -16,6 +16,11 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// The point and the axes there.
+    pub fn axes_at(&self) -> (DVec4, [DVec4; 3]) {
+        (self.point, self.axes)
+    }
+
     /// The tangent vector with components `v` in the frame.
     pub fn vector(&self, v: DVec3) -> DVec4 {
         self.axes[0] * v.x + self.axes[1] * v.y + self.axes[2] * v.z

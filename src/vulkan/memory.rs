@@ -167,7 +167,15 @@ impl Buffer {
     /// # Errors
     /// Driver failures; more bytes than the buffer has.
     pub fn upload(&self, submitter: &mut Submitter, bytes: &[u8]) -> Result<(), VulkanError> {
-        check_range(self.name(), 0, bytes.len() as u64, self.size())?;
+        self.upload_at(submitter, 0, bytes)
+    }
+
+    /// Replaces the content from byte `start` on, a multiple of 4.
+    ///
+    /// # Errors
+    /// As [`Self::upload`].
+    pub fn upload_at(&self, submitter: &mut Submitter, start: u64, bytes: &[u8]) -> Result<(), VulkanError> {
+        check_range(self.name(), start, bytes.len() as u64, self.size())?;
         if bytes.is_empty() {
             return Ok(());
         }
@@ -176,7 +184,7 @@ impl Buffer {
         let mut staging = HostBuffer::new(&self.0.context, &name, size, Direction::Upload)?;
         for (index, chunk) in bytes.chunks(STAGING_BYTES as usize).enumerate() {
             staging.write(0, chunk)?;
-            let offset = index as u64 * STAGING_BYTES;
+            let offset = start + index as u64 * STAGING_BYTES;
             submitter.submit(&name, |r| r.upload(&staging, self, offset, chunk.len() as u64))?;
         }
         Ok(())

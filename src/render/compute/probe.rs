@@ -1,9 +1,9 @@
 //! Functions of a geometry as the device computes them, one by one: for the tests that compare them with their
 //! Rust twins, and for `holonomy geodesic --backend compute`.
 
-use super::pack::pairing;
 use crate::{
     geometry::{GeometryId, Isometry},
+    render::device::pack::pairing,
     shader_io::{PROBE_GROUP, ProbeIn, ProbeOut, binding},
     vulkan::{
         Context, VulkanError,

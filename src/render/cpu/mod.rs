@@ -118,16 +118,19 @@ impl Visitor for Render<'_> {
             wall_time: elapsed,
             memory: memory_of(world) + (target.pixels.len() * size_of::<[f32; 4]>()) as u64,
             dispatches: tiles.len() as u64,
+            uncounted: &[],
+            structures: None,
         }
     }
 }
 
 fn memory_of(world: &World) -> u64 {
     let texels: usize = world.textures.iter().map(|t| size_of_val(t.texels.as_slice())).sum();
-    let bytes = size_of_val(world.nodes.as_slice())
-        + size_of_val(world.primitives.as_slice())
-        + size_of_val(world.triangles.as_slice())
-        + size_of_val(world.triangle_shading.as_slice())
+    let (meshes, hierarchy) = (world.meshes(), world.hierarchy());
+    let bytes = size_of_val(hierarchy.nodes.as_slice())
+        + size_of_val(hierarchy.primitives.as_slice())
+        + size_of_val(meshes.triangles.as_slice())
+        + size_of_val(meshes.shading.as_slice())
         + size_of_val(world.quadrics.as_slice())
         + size_of_val(world.domain.faces.as_slice())
         + size_of_val(world.domain.labels.as_slice())

@@ -78,8 +78,7 @@ pub(super) fn quadric_hit(segment: Segment, quadric: &WorldQuadric) -> f64 {
 }
 
 /// Whether a triangle has a hole where the segment meets it.
-pub(super) fn is_hole(world: &World, triangle: u32, weights: DVec2) -> bool {
-    let shading = &world.triangle_shading[triangle as usize];
+pub(super) fn is_hole(world: &World, shading: &TriangleShading, weights: DVec2) -> bool {
     let material = &world.materials[shading.material as usize];
     let Some(cutoff) = material.alpha_cutoff else { return false };
     let texel = material.base_texture.map_or(1.0, |t| bilinear(&world.textures[t], uv_at(shading, weights)).w);
@@ -130,8 +129,8 @@ impl<G: Geometry> Tracer<'_, G> {
             let away = conormal.dot(segment.direction) > 0.0;
             (s, conormal, away, quadric.material, quadric.object, DVec2::ZERO)
         } else {
-            let corners = self.world.triangles[reference as usize];
-            let shading = &self.world.triangle_shading[reference as usize];
+            let corners = self.meshes.triangles[reference as usize];
+            let shading = &self.meshes.shading[reference as usize];
             let (s, weights) = triangle_hit(segment, corners);
             let [a, b, c] =
                 [shading.conormal_a, shading.conormal_b, shading.conormal_c].map(|n| Vec3::from(n).as_dvec3());

@@ -10,7 +10,7 @@ use crate::{
         Shot,
         bvh::{Tree, child_of},
         plan::Feature,
-        world::{World, WorldQuadric},
+        world::{World, WorldQuadric, hierarchy::Hierarchy, meshes::Meshes},
     },
     scene::Shading,
     shader_io::{COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, QUADRIC_BIT, SHADOW_BOUNCES, STACK_SIZE},
@@ -22,6 +22,8 @@ use glam::DVec3;
 pub struct Tracer<'a, G> {
     pub(super) geometry: G,
     pub(super) world: &'a World,
+    pub(super) meshes: &'a Meshes,
+    hierarchy: &'a Hierarchy,
     pub(super) shot: &'a Shot,
     pub(super) chord_tolerance: f64,
     pub(super) uses: Uses,
@@ -60,7 +62,15 @@ impl<'a, G: Geometry> Tracer<'a, G> {
             counters: plan.uses(Feature::Counters),
             shading: plan.shading,
         };
-        Self { geometry, world, shot, chord_tolerance: shot.chord_tolerance(world.settings.tolerance), uses }
+        Self {
+            geometry,
+            world,
+            meshes: world.meshes(),
+            hierarchy: world.hierarchy(),
+            shot,
+            chord_tolerance: shot.chord_tolerance(world.settings.tolerance),
+            uses,
+        }
     }
 
     pub(super) fn count(&self, counts: &mut Counts, what: u32) {
@@ -77,7 +87,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
         counts: &mut Counts,
         crossed: impl FnMut(usize),
     ) -> Option<Surface> {
-        match self.traverse(segment, self.world.cells[path.cell].tree, false, counts) {
+        match self.traverse(segment, self.hierarchy.trees[path.cell], false, counts) {
             Some(reference) => Some(self.stage_closest_hit(path, segment, reference)),
             None => {
                 stage_transport(self.geometry, &self.world.domain, path, self.world.settings.bounces, crossed);
@@ -88,7 +98,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
 
     /// Traces one segment of a shadow ray: a hit ends it, a miss transports it.
     pub(super) fn trace_shadow_segment(&self, path: &mut Path, segment: Segment, counts: &mut Counts) {
-        if self.traverse(segment, self.world.cells[path.cell].tree, true, counts).is_some() {
+        if self.traverse(segment, self.hierarchy.trees[path.cell], true, counts).is_some() {
             path.status = Status::Hit;
         } else {
             stage_transport(self.geometry, &self.world.domain, path, SHADOW_BOUNCES, |_| ());
@@ -104,14 +114,14 @@ impl<'a, G: Geometry> Tracer<'a, G> {
         hit: &mut Option<u32>,
         counts: &mut Counts,
     ) {
-        for &reference in &self.world.primitives[leaf] {
+        for &reference in &self.hierarchy.primitives[leaf] {
             let s = if reference & QUADRIC_BIT != 0 {
                 self.count(counts, COUNT_QUADRICS);
                 quadric_hit(segment, self.quadric(reference))
             } else {
                 self.count(counts, COUNT_TRIANGLES);
-                let (s, weights) = triangle_hit(segment, self.world.triangles[reference as usize]);
-                let hole = self.uses.alpha_mask && s < *s_end && is_hole(self.world, reference, weights);
+                let (s, weights) = triangle_hit(segment, self.meshes.triangles[reference as usize]);
+                let hole = self.uses.alpha_mask && s < *s_end && is_hole(self.world, &self.meshes.shading[reference as usize], weights);
                 if hole { NO_HIT } else { s }
             };
             if s < *s_end {
@@ -142,7 +152,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
         let mut stack = [0_u32; STACK_SIZE as usize];
         let mut depth = 0;
         loop {
-            let node = &self.world.nodes[current as usize];
+            let node = &self.hierarchy.nodes[current as usize];
             self.count(counts, COUNT_NODES);
             let mut s0 = box_entry(node.box0, origin, reciprocal, s_end);
             let mut s1 = box_entry(node.box1, origin, reciprocal, s_end);

@@ -1,44 +1,72 @@
 //! From a scene to a [`World`].
 
 use super::{
-    World, WorldCell, WorldError, WorldLight, WorldQuadric,
-    place::{Balls, Copy, Corners, all_beyond_one_face, copies},
+    Mover, Pose, World, WorldCell, WorldError, WorldLight, WorldQuadric,
+    meshes::{Meshes, RestMesh},
+    place::{Balls, Copy, Corners, copies},
 };
 use crate::{
-    geometry::{Geodesic, Geometry, Quadric, Visitor, exponential, visit},
+    geometry::{Geodesic, Geometry, Isometry, Quadric, Visitor, carry, visit},
     render::{
         bvh::{self, Aabb},
         plan::{Feature, Plan},
     },
-    scene::{Mesh, Object, Place, Scene, Shape},
-    shader_io::{QUADRIC_BIT, TriangleShading},
+    scene::{Object, Place, Scene, Shape},
     space::{deck, domain::Domain, observer::Frame, polyhedron::Polyhedron, reduce::reduce_frame},
 };
-use glam::{DMat3, DVec3, DVec4};
-use rayon::prelude::*;
+use glam::{DMat3, DQuat, DVec3, DVec4};
+use std::{
+    collections::HashMap,
+    sync::{Arc, OnceLock},
+};
 
 impl World {
-    /// Prepares `scene` as seen by `observer` (attached objects move with him).
+    /// Prepares `scene` as seen by `observer` (attached objects are with him), at time 0.
     ///
     /// # Errors
     /// [`WorldError`]: an object or a light reaches into too many cells, or a cell is no polyhedron.
     pub fn new(scene: &Scene, plan: &Plan, observer: Frame) -> Result<Self, WorldError> {
-        struct Build<'a>(&'a Scene, &'a Plan, Frame);
-        impl Visitor for Build<'_> {
+        visit(scene.space.geometry, Build { scene, plan, pose: Pose { observer, time: 0.0 }, last: None })
+    }
+
+    /// Prepares `scene` for a sequence of pictures: objects in motion and objects attached to the observer can be
+    /// posed again by [`World::posed`].
+    ///
+    /// # Errors
+    /// As [`World::new`].
+    pub fn moving(scene: &Scene, plan: &Plan, pose: Pose) -> Result<Self, WorldError> {
+        visit(scene.space.geometry, Build { scene, plan, pose, last: Some(&[]) })
+    }
+
+    /// The same scene in another pose; what rests is shared with this world. For worlds made by [`World::moving`].
+    ///
+    /// # Errors
+    /// As [`World::new`].
+    pub fn posed(&self, scene: &Scene, pose: Pose) -> Result<Self, WorldError> {
+        struct Again<'a>(&'a World, &'a Scene, Pose);
+        impl Visitor for Again<'_> {
             type Output = Result<World, WorldError>;
             fn visit<G: Geometry>(self, geometry: G) -> Self::Output {
-                Builder::new(geometry, self.0, self.1)?.build(self.2)
+                Builder::new(geometry, self.1, &self.0.plan)?.pose_again(self.0, self.2)
             }
         }
-        visit(scene.space.geometry, Build(scene, plan, observer))
+        visit(scene.space.geometry, Again(self, scene, pose))
     }
 }
 
-/// Primitives of one cell while they are collected.
-#[derive(Default)]
-struct CellContent {
-    boxes: Vec<Aabb>,
-    names: Vec<u32>,
+struct Build<'a> {
+    scene: &'a Scene,
+    plan: &'a Plan,
+    pose: Pose,
+    /// Movers of the last pose; none if nothing shall move.
+    last: Option<&'a [Mover]>,
+}
+
+impl Visitor for Build<'_> {
+    type Output = Result<World, WorldError>;
+    fn visit<G: Geometry>(self, geometry: G) -> Self::Output {
+        Builder::new(geometry, self.scene, self.plan)?.build(self.pose, self.last)
+    }
 }
 
 struct Builder<'a, G> {
@@ -47,18 +75,12 @@ struct Builder<'a, G> {
     plan: &'a Plan,
     domain: Domain,
     polyhedra: Vec<Polyhedron>,
-    contents: Vec<CellContent>,
-    triangles: Vec<[DVec3; 3]>,
-    triangle_shading: Vec<TriangleShading>,
+    meshes: Meshes,
+    /// For each mesh and scale, how its first copy came to its place: the frame of its object, the copy's isometry, and
+    /// the copy's index.
+    first_copies: HashMap<(usize, u64), (Frame, Isometry, usize)>,
+    movers: Vec<Mover>,
     quadrics: Vec<WorldQuadric>,
-    quadric_cells: Vec<usize>,
-}
-
-/// A point of a mesh in the space: position and normal, in the model.
-#[derive(Clone, Copy)]
-struct Placed {
-    point: DVec4,
-    normal: DVec4,
 }
 
 impl<'a, G: Geometry> Builder<'a, G> {
@@ -69,20 +91,84 @@ impl<'a, G: Geometry> Builder<'a, G> {
             scene,
             plan,
             domain: Domain::new(&scene.space),
-            contents: polyhedra.iter().map(|_| CellContent::default()).collect(),
             polyhedra,
-            triangles: Vec::new(),
-            triangle_shading: Vec::new(),
+            meshes: Meshes::default(),
+            first_copies: HashMap::new(),
+            movers: Vec::new(),
             quadrics: Vec::new(),
-            quadric_cells: Vec::new(),
         })
     }
 
-    fn build(mut self, observer: Frame) -> Result<World, WorldError> {
-        for (index, object) in self.scene.objects.iter().enumerate() {
-            let frame = self.frame_of(object, observer)?;
+    fn build(mut self, pose: Pose, last: Option<&[Mover]>) -> Result<World, WorldError> {
+        self.place_objects(pose, |_| true, last)?;
+        self.check_number(&self.meshes)?;
+        let is_quadric = |object: &Object| !matches!(object.shape, Shape::Mesh(_));
+        let quadrics_move = self.scene.objects.iter().any(|object| is_quadric(object) && object.moves());
+        let (lights, light_ranges) = self.lights()?;
+        let mut domain = self.domain;
+        if self.plan.uses(Feature::Labels) {
+            let bounces = self.scene.settings.bounces;
+            domain.labels = deck::label_table(self.geometry, &domain, pose.observer.cell, bounces);
+        }
+        Ok(World {
+            geometry: self.scene.space.geometry,
+            plan: self.plan.clone(),
+            settings: self.scene.settings,
+            domain: Arc::new(domain),
+            cells: light_ranges.into_iter().map(|lights| WorldCell { lights }).collect(),
+            still: Arc::new(self.meshes),
+            movers: self.movers,
+            quadrics: self.quadrics,
+            materials: Arc::new(self.scene.materials.clone()),
+            textures: if self.plan.uses(Feature::Textures) {
+                Arc::new(self.scene.textures.clone())
+            } else {
+                Arc::default()
+            },
+            lights: Arc::new(lights),
+            posed: OnceLock::new(),
+            quadrics_move: last.is_some() && quadrics_move,
+            hierarchy: OnceLock::new(),
+        })
+    }
+
+    /// The pose of `last` again: what rests is taken over.
+    fn pose_again(mut self, last: &World, pose: Pose) -> Result<World, WorldError> {
+        // Quadrics are few and are all placed again; meshes only where they move.
+        let moves = |object: &Object| !matches!(object.shape, Shape::Mesh(_)) || object.moves();
+        self.place_objects(pose, moves, Some(&last.movers))?;
+        self.check_number(&last.still)?;
+        Ok(World {
+            geometry: last.geometry,
+            plan: last.plan.clone(),
+            settings: last.settings,
+            domain: last.domain.clone(),
+            cells: last.cells.clone(),
+            still: last.still.clone(),
+            movers: self.movers,
+            quadrics: self.quadrics,
+            materials: last.materials.clone(),
+            textures: last.textures.clone(),
+            lights: last.lights.clone(),
+            posed: OnceLock::new(),
+            quadrics_move: last.quadrics_move,
+            hierarchy: OnceLock::new(),
+        })
+    }
+
+    fn place_objects(
+        &mut self,
+        pose: Pose,
+        placed: impl Fn(&Object) -> bool,
+        last: Option<&[Mover]>,
+    ) -> Result<(), WorldError> {
+        for (index, object) in self.scene.objects.iter().enumerate().filter(|(_, object)| placed(object)) {
+            let frame = self.frame_of(object, pose)?;
             match object.shape {
-                Shape::Mesh(mesh) => self.add_mesh(index, object, &self.scene.meshes[mesh], frame)?,
+                Shape::Mesh(mesh) => match last.filter(|_| object.moves()) {
+                    Some(last) => self.add_mover(index, object, mesh, frame, last)?,
+                    None => self.add_mesh(index, object, mesh, frame)?,
+                },
                 Shape::Ball { radius } => self.add_balls(index, object, frame.cell, &[frame.point], radius)?,
                 Shape::Tube { radius, length } => {
                     let axis = Geodesic { point: frame.point, velocity: frame.axes[2] };
@@ -93,96 +179,84 @@ impl<'a, G: Geometry> Builder<'a, G> {
                 Shape::DomainEdges { radius } => self.add_edges(index, object, frame.cell, radius)?,
             }
         }
-        self.finish(observer)
+        self.quadrics.sort_by_key(|q| (q.cell, q.material));
+        Ok(())
     }
 
-    fn finish(self, observer: Frame) -> Result<World, WorldError> {
-        let primitives = self.triangles.len() + self.quadrics.len();
+    fn check_number(&self, meshes: &Meshes) -> Result<(), WorldError> {
+        let moving: usize = self.movers.iter().map(|m| m.rest.triangles.len() * m.copies.len()).sum();
+        let primitives = meshes.triangles.len() + moving + self.quadrics.len();
         if primitives >= bvh::MAX_PRIMITIVES {
             return Err(WorldError::TooManyPrimitives(primitives, bvh::MAX_PRIMITIVES));
         }
-        let (lights, light_ranges) = self.lights()?;
-        let mut domain = self.domain;
-        if self.plan.uses(Feature::Labels) {
-            domain.labels = deck::label_table(self.geometry, &domain, observer.cell, self.scene.settings.bounces);
-        }
-        let (mut nodes, mut primitives) = (Vec::new(), Vec::new());
-        let cells = self
-            .contents
-            .iter()
-            .zip(light_ranges)
-            .map(|(content, lights)| WorldCell {
-                tree: bvh::build(&content.boxes, &content.names, &mut nodes, &mut primitives),
-                lights,
-            })
-            .collect();
-        Ok(World {
-            geometry: self.scene.space.geometry,
-            plan: self.plan.clone(),
-            settings: self.scene.settings,
-            domain,
-            cells,
-            nodes,
-            primitives,
-            triangles: self.triangles,
-            triangle_shading: self.triangle_shading,
-            quadrics: self.quadrics,
-            materials: self.scene.materials.clone(),
-            textures: if self.plan.uses(Feature::Textures) { self.scene.textures.clone() } else { Vec::new() },
-            lights,
-        })
+        Ok(())
     }
 
     /// Where an object's own frame is, with its point inside its cell.
-    fn frame_of(&self, object: &Object, observer: Frame) -> Result<Frame, WorldError> {
+    fn frame_of(&self, object: &Object, pose: Pose) -> Result<Frame, WorldError> {
         let frame = match object.place {
             Place::World(frame) => frame,
-            Place::Viewer { offset, rotation } => observer.moved(self.geometry, offset).rotated(rotation),
+            Place::Viewer { offset, rotation } => pose.observer.moved(self.geometry, offset).rotated(rotation),
+        };
+        let frame = match object.motion {
+            Some(motion) => {
+                let turn = DMat3::from_quat(DQuat::from_scaled_axis(motion.turn * pose.time));
+                frame.moved(self.geometry, motion.velocity * pose.time).rotated(turn)
+            }
+            None => frame,
         };
         reduce_frame(self.geometry, &self.domain, frame).ok_or_else(|| WorldError::Lost(object.name.clone()))
     }
 
-    fn add_mesh(&mut self, index: usize, object: &Object, mesh: &Mesh, frame: Frame) -> Result<(), WorldError> {
+    fn rest(&self, index: usize, object: &Object, mesh: usize, frame: Frame) -> RestMesh {
+        let mesh = &self.scene.meshes[mesh];
+        RestMesh::new(self.geometry, mesh, index as u32, frame, object.scale, object.material)
+    }
+
+    fn add_mesh(&mut self, index: usize, object: &Object, mesh: usize, frame: Frame) -> Result<(), WorldError> {
         let geometry = self.geometry;
-        let placed: Vec<Placed> = mesh
-            .vertices
-            .par_iter()
-            .map(|vertex| place_vertex(geometry, frame, vertex.position * object.scale, vertex.normal))
-            .collect();
-        let points: Vec<DVec4> = placed.iter().map(|p| p.point).collect();
-        let corners = Corners { points: &points, triangles: &mesh.triangles };
+        let rest = self.rest(index, object, mesh, frame);
+        let corners = Corners { rest: &rest, carried: Isometry::IDENTITY };
+        let key = (mesh, object.scale.to_bits());
         for copy in copies(geometry, &self.domain, frame.cell, &corners, &object.name)? {
-            let moved: Vec<Placed> = placed
-                .par_iter()
-                .map(|p| {
-                    let g = geometry.apply(&copy.isometry, Geodesic { point: p.point, velocity: p.normal });
-                    Placed { point: g.point, normal: g.velocity }
-                })
-                .collect();
-            for (triangle, material) in &mesh.triangles {
-                let corners = triangle.map(|i| moved[i as usize]);
-                if all_beyond_one_face(geometry, &self.domain, copy.cell, &corners.map(|c| c.point)) {
-                    continue;
+            let image_of = match self.first_copies.get(&key) {
+                Some((first, isometry, index)) => carry(geometry, first.axes_at(), frame.axes_at()).and_then(|carried| {
+                    let here = geometry.compose(&copy.isometry, &carried);
+                    let relative = geometry.compose(&here, &geometry.inverse(isometry));
+                    Some((*index, geometry.chart_action(&relative)?))
+                }),
+                None => {
+                    self.first_copies.insert(key, (frame, copy.isometry, self.meshes.copies.len()));
+                    None
                 }
-                let conormal = |c: Placed| geometry.lower(c.point, c.normal).as_vec3().to_array();
-                let uv = triangle.map(|i| mesh.vertices[i as usize].uv);
-                let chart = corners.map(|c| geometry.chart(c.point));
-                let content = &mut self.contents[copy.cell];
-                content.names.push(self.triangles.len() as u32);
-                content.boxes.push(Aabb::around(chart));
-                self.triangles.push(chart);
-                self.triangle_shading.push(TriangleShading {
-                    conormal_a: conormal(corners[0]),
-                    conormal_b: conormal(corners[1]),
-                    conormal_c: conormal(corners[2]),
-                    uv_a: uv[0],
-                    uv_b: uv[1],
-                    uv_c: uv[2],
-                    material: object.material.unwrap_or(*material) as u32,
-                    object: index as u32,
-                });
-            }
+            };
+            self.meshes.add(geometry, &self.domain, &rest, &copy, image_of);
         }
+        Ok(())
+    }
+
+    /// Adds an object that moves. Where an isometry carries it from its rest in the last pose, it keeps that rest.
+    fn add_mover(
+        &mut self,
+        index: usize,
+        object: &Object,
+        mesh: usize,
+        frame: Frame,
+        last: &[Mover],
+    ) -> Result<(), WorldError> {
+        let known = last.iter().find(|mover| mover.rest.object == index as u32);
+        let kept = known.and_then(|mover| {
+            let carried = carry(self.geometry, mover.rest.frame.axes_at(), frame.axes_at())?;
+            Some((mover.rest.clone(), carried))
+        });
+        let (rest, carried) =
+            kept.unwrap_or_else(|| (Arc::new(self.rest(index, object, mesh, frame)), Isometry::IDENTITY));
+        let corners = Corners { rest: &rest, carried };
+        let copies = copies(self.geometry, &self.domain, frame.cell, &corners, &object.name)?
+            .into_iter()
+            .map(|copy| Copy { isometry: self.geometry.compose(&copy.isometry, &carried), ..copy })
+            .collect();
+        self.movers.push(Mover { rest, copies });
         Ok(())
     }
 
@@ -268,27 +342,24 @@ impl<'a, G: Geometry> Builder<'a, G> {
         let same = |a: DVec4, b: DVec4| (a - b).abs().max_element() < 1e-9;
         // Frames that name the same surface may be turned against each other, so its matrix is compared.
         let form = surface.matrix();
-        let is_known = self.quadrics.iter().zip(&self.quadric_cells).any(|(known, cell)| {
-            *cell == copy.cell
+        let is_known = self.quadrics.iter().any(|known| {
+            known.cell == copy.cell
                 && known.object == index as u32
                 && (0..4).all(|i| same(known.surface.matrix().col(i), form.col(i)))
                 && (same(known.clip[0], clip[0]) && same(known.clip[1], clip[1])
                     || same(known.clip[0], clip[1]) && same(known.clip[1], clip[0]))
         });
-        let inside = bounds.intersection(Aabb::around(self.polyhedra[copy.cell].vertices.iter().copied()));
-        if is_known || inside.lower.cmpgt(inside.upper).any() {
+        let bounds = bounds.intersection(Aabb::around(self.polyhedra[copy.cell].vertices.iter().copied()));
+        if is_known || bounds.lower.cmpgt(bounds.upper).any() {
             return;
         }
-        let content = &mut self.contents[copy.cell];
-        content.names.push(self.quadrics.len() as u32 | QUADRIC_BIT);
-        content.boxes.push(inside);
-        self.quadrics.push(WorldQuadric { surface, clip, material, object: index as u32 });
-        self.quadric_cells.push(copy.cell);
+        let object = index as u32;
+        self.quadrics.push(WorldQuadric { surface, clip, bounds, cell: copy.cell, material, object });
     }
 
     /// All images of all lights that reach into each cell.
     fn lights(&self) -> Result<(Vec<WorldLight>, Vec<std::ops::Range<usize>>), WorldError> {
-        let mut per_cell: Vec<Vec<WorldLight>> = self.contents.iter().map(|_| Vec::new()).collect();
+        let mut per_cell: Vec<Vec<WorldLight>> = self.polyhedra.iter().map(|_| Vec::new()).collect();
         if self.plan.uses(Feature::Lights) {
             for (number, light) in self.scene.lights.iter().enumerate() {
                 let extent = Balls { centres: &[light.point], radius: light.range };
@@ -325,20 +396,6 @@ fn closeness_at<G: Geometry>(geometry: G, distance: f64) -> f64 {
     let point = geometry.flow(Geodesic { point: base, velocity: geometry.frame(base)[0] }, distance).point;
     let reached = geometry.distance(base, point) > distance * (1.0 - 1e-9);
     if reached { geometry.closeness(base, point) } else { f64::NEG_INFINITY }
-}
-
-/// A vertex brought into the space by the exponential map at the object's frame. Its normal follows as a covector
-/// by the inverse transpose of the map's differential, taken by central differences: accurate to 1e-9 and valid in
-/// every geometry.
-fn place_vertex<G: Geometry>(geometry: G, frame: Frame, position: DVec3, normal: DVec3) -> Placed {
-    let at = |x: DVec3| exponential(geometry, frame.point, frame.vector(x));
-    let point = at(position);
-    let h = 1e-5 * position.length().max(1e-3);
-    let column = |e: DVec3| (geometry.chart(at(position + e * h)) - geometry.chart(at(position - e * h))) / (2.0 * h);
-    let differential = DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z));
-    let conormal = differential.inverse().transpose() * normal;
-    let usable = conormal.is_finite() && conormal.length_squared() > 0.0;
-    Placed { point, normal: geometry.raise(point, if usable { conormal } else { DVec3::Z }) }
 }
 
 /// The box of an ellipsoid in the chart: its tangent planes are the zeros of the inverse matrix.

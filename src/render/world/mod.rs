@@ -2,19 +2,25 @@
 //!
 //! Objects are placed by the exponential map and cut to the cells they reach into: a mesh that sticks out of its
 //! cell appears whole because every deck transformation that brings a part of it into the cell contributes its
-//! triangles there. Triangles outside of the cell are dropped, so copies cost no more than the mesh itself.
+//! triangles there. What only some backends need is made when they ask for it: the hierarchy ([`World::hierarchy`]),
+//! and the triangles of objects that move ([`World::meshes`]), which devices place themselves.
 
 mod build;
+pub mod hierarchy;
+pub mod meshes;
 mod place;
 
 use crate::{
-    geometry::{GeometryId, Quadric},
-    render::{bvh::Tree, plan::Plan},
+    geometry::{Geometry, GeometryId, Quadric, Visitor, visit},
+    render::{bvh::Aabb, plan::Plan},
     scene::{Material, Settings, Texture},
-    shader_io::{Node, TriangleShading},
-    space::domain::Domain,
+    space::{domain::Domain, observer::Frame},
 };
-use glam::{DVec3, DVec4};
+use glam::DVec4;
+use hierarchy::Hierarchy;
+use meshes::{Meshes, RestMesh};
+pub use place::Copy;
+use std::sync::{Arc, OnceLock};
 
 /// A prepared scene.
 #[derive(Clone, Debug)]
@@ -26,32 +32,78 @@ pub struct World {
     /// Render settings.
     pub settings: Settings,
     /// Faces and their pairings.
-    pub domain: Domain,
+    pub domain: Arc<Domain>,
     /// The cells, parallel to [`Domain::cells`].
     pub cells: Vec<WorldCell>,
-    /// Bounding volume hierarchies of all cells (boxes on a grid, rounded outwards).
-    pub nodes: Vec<Node>,
-    /// Primitive references in leaf order: a triangle's index, or a quadric's with `QUADRIC_BIT`.
-    pub primitives: Vec<u32>,
-    /// Corners in the chart.
-    pub triangles: Vec<[DVec3; 3]>,
-    /// Shading data of the triangles.
-    pub triangle_shading: Vec<TriangleShading>,
-    /// Quadrics.
+    /// Meshes that rest.
+    pub still: Arc<Meshes>,
+    /// Meshes that move; none in a world for a single picture.
+    pub movers: Vec<Mover>,
+    /// Quadrics, by cell and material.
     pub quadrics: Vec<WorldQuadric>,
     /// Materials.
-    pub materials: Vec<Material>,
+    pub materials: Arc<Vec<Material>>,
     /// Textures; empty if the plan has none.
-    pub textures: Vec<Texture>,
+    pub textures: Arc<Vec<Texture>>,
     /// Light images of all cells; cells hold ranges.
-    pub lights: Vec<WorldLight>,
+    pub lights: Arc<Vec<WorldLight>>,
+    /// [`World::meshes`] where something moves.
+    posed: OnceLock<Meshes>,
+    quadrics_move: bool,
+    hierarchy: OnceLock<Hierarchy>,
+}
+
+/// What changes between the pictures of a sequence.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// The observer; attached objects are with him.
+    pub observer: Frame,
+    /// Time, for objects in motion.
+    pub time: f64,
+}
+
+/// A mesh that moves.
+#[derive(Clone, Debug)]
+pub struct Mover {
+    /// The mesh where it was placed first, shared from pose to pose.
+    pub rest: Arc<RestMesh>,
+    /// Isometries that carry it from there to its copies.
+    pub copies: Vec<Copy>,
+}
+
+impl World {
+    /// Triangles of all meshes in this pose.
+    pub fn meshes(&self) -> &Meshes {
+        struct Place<'a>(&'a World);
+        impl Visitor for Place<'_> {
+            type Output = Meshes;
+            fn visit<G: Geometry>(self, geometry: G) -> Meshes {
+                let mut meshes = Meshes::clone(&self.0.still);
+                for mover in &self.0.movers {
+                    for copy in &mover.copies {
+                        meshes.add(geometry, &self.0.domain, &mover.rest, copy, None);
+                    }
+                }
+                meshes
+            }
+        }
+        if self.movers.is_empty() { &self.still } else { self.posed.get_or_init(|| visit(self.geometry, Place(self))) }
+    }
+
+    /// Whether quadrics may change from pose to pose.
+    pub fn quadrics_move(&self) -> bool {
+        self.quadrics_move
+    }
+
+    /// The hierarchies of the cells in this pose.
+    pub fn hierarchy(&self) -> &Hierarchy {
+        self.hierarchy.get_or_init(|| Hierarchy::new(&self.domain, self.meshes(), &self.quadrics))
+    }
 }
 
 /// What is in a cell.
 #[derive(Clone, Debug)]
 pub struct WorldCell {
-    /// The hierarchy in [`World::nodes`], if the cell has anything in it.
-    pub tree: Option<Tree>,
     /// Into [`World::lights`].
     pub lights: std::ops::Range<usize>,
 }
@@ -63,6 +115,10 @@ pub struct WorldQuadric {
     pub surface: Quadric,
     /// Homogeneous points with a negative product are cut off.
     pub clip: [DVec4; 2],
+    /// Around the part that is inside of the cell.
+    pub bounds: Aabb,
+    /// The cell.
+    pub cell: usize,
     /// Index of the material.
     pub material: u32,
     /// Index of the scene's object.

@@ -1,6 +1,6 @@
 //! Which deck transformations bring something of an object into a cell.
 
-use super::WorldError;
+use super::{WorldError, meshes::RestMesh};
 use crate::{
     geometry::{Geometry, Isometry},
     space::{deck::Elements, domain::Domain},
@@ -64,37 +64,48 @@ pub fn copies<G: Geometry>(
     Ok(found)
 }
 
-/// Corners of triangles, in the model.
+/// A mesh, carried from its rest by an isometry.
 pub struct Corners<'a> {
-    /// Points.
-    pub points: &'a [DVec4],
-    /// Triples of indices.
-    pub triangles: &'a [([u32; 3], usize)],
+    /// The mesh.
+    pub rest: &'a RestMesh,
+    /// The isometry.
+    pub carried: Isometry,
 }
 
-/// Whether all three points lie beyond one and the same face. `sides[i][f]`: point i against face f.
+impl Corners<'_> {
+    fn isometry<G: Geometry>(&self, geometry: G, copy: &Copy) -> Isometry {
+        geometry.compose(&copy.isometry, &self.carried)
+    }
+}
+
+/// Whether something lies beyond one of a cell's faces, by a test for each plane.
+pub fn beyond_one_face(domain: &Domain, cell: usize, beyond: impl Fn(DVec4) -> bool) -> bool {
+    domain.cells[cell].clone().any(|face| beyond(domain.faces[face].plane))
+}
+
+/// Whether all points lie beyond one and the same face.
 pub fn all_beyond_one_face<G: Geometry>(geometry: G, domain: &Domain, cell: usize, points: &[DVec4]) -> bool {
-    domain.cells[cell].clone().any(|face| {
-        let plane = domain.faces[face].plane;
-        points.iter().all(|p| geometry.side(*p, plane) > TOUCHING)
-    })
+    beyond_one_face(domain, cell, |plane| points.iter().all(|p| geometry.side(*p, plane) > TOUCHING))
 }
 
 /// A copy that only touches the cell counts as reaching into it.
-const TOUCHING: f64 = 1e-5;
+pub const TOUCHING: f64 = 1e-5;
 
 impl<G: Geometry> Extent<G> for Corners<'_> {
     fn reaches_into(&self, geometry: G, domain: &Domain, copy: &Copy) -> bool {
-        self.triangles.iter().any(|(corners, _)| {
-            let points = corners.map(|i| geometry.apply(&copy.isometry, at(self.points[i as usize])).point);
+        let isometry = self.isometry(geometry, copy);
+        self.rest.triangles.iter().any(|triangle| {
+            let vertex = |i: u32| self.rest.vertices[i as usize].point;
+            let points = triangle.corners.map(|i| geometry.apply(&isometry, at(vertex(i))).point);
             !all_beyond_one_face(geometry, domain, copy.cell, &points)
         })
     }
 
     fn reaches_beyond(&self, geometry: G, domain: &Domain, copy: &Copy, face: usize) -> bool {
         let plane = domain.faces[face].plane;
-        let beyond = |p: &DVec4| geometry.side(geometry.apply(&copy.isometry, at(*p)).point, plane) > -TOUCHING;
-        self.points.iter().any(beyond)
+        let isometry = self.isometry(geometry, copy);
+        let side = |p: DVec4| geometry.side(geometry.apply(&isometry, at(p)).point, plane);
+        self.rest.vertices.iter().any(|vertex| side(vertex.point) > -TOUCHING)
     }
 }
 

@@ -2,27 +2,26 @@
 
 use crate::{
     geometry::Isometry,
-    render::{plan::Feature, world::World},
+    render::{
+        bvh::Tree,
+        plan::Feature,
+        world::{World, WorldCell, WorldQuadric, meshes::Meshes},
+    },
     scene::{Material, Wrap},
     shader_io::{self as io, NONE, binding},
     space::domain::DomainFace,
 };
+use bytemuck::cast_slice;
 use glam::{DVec3, DVec4};
+use std::ops::Range;
 
 /// Cosine that no angle has, for lights that are not spots.
 const SHINES_EVERYWHERE: f32 = -2.0;
 
-/// The arrays of a world. What its plan leaves out is empty.
+/// Arrays that all pipelines read. What the plan leaves out is empty.
 #[derive(Debug, Default)]
-pub struct Packed {
+pub struct Common {
     faces: Vec<io::Face>,
-    cells: Vec<io::Cell>,
-    nodes: Vec<io::Node>,
-    primitives: Vec<u32>,
-    triangles: Vec<io::Triangle>,
-    triangle_shading: Vec<io::TriangleShading>,
-    quadrics: Vec<io::Quadric>,
-    quadric_shading: Vec<io::QuadricShading>,
     materials: Vec<io::Material>,
     textures: Vec<io::Texture>,
     texels: Vec<[u32; 2]>,
@@ -30,58 +29,26 @@ pub struct Packed {
     labels: Vec<u32>,
 }
 
-impl Packed {
-    /// Rounds a world to f32 and leaves out what its plan does not need.
+/// Binding, name and bytes of an array.
+pub type Array<'a> = (u32, &'static str, &'a [u8]);
+
+impl Common {
+    /// Rounds what every pipeline needs of a world to f32.
     ///
     /// Indices are cut to 32 bits: arrays with more elements exceed every device's largest range, which the
     /// caller checks before it uploads.
     pub fn new(world: &World) -> Self {
         let uses = |feature| world.plan.uses(feature);
-        let lights = uses(Feature::Lights);
-        let mut packed = Self {
+        let mut common = Self {
             faces: world.domain.faces.iter().map(face).collect(),
-            nodes: world.nodes.clone(),
-            primitives: world.primitives.clone(),
             materials: world.materials.iter().map(material).collect(),
             ..Self::default()
         };
-        packed.cells.extend(world.cells.iter().zip(&world.domain.cells).map(|(cell, faces)| io::Cell {
-            first_face: faces.start as u32,
-            face_count: faces.len() as u32,
-            root: cell.tree.map_or(NONE, |tree| tree.root),
-            first_light: if lights { cell.lights.start as u32 } else { 0 },
-            light_count: if lights { cell.lights.len() as u32 } else { 0 },
-            grid_lower: cell.tree.map_or([0.0; 3], |tree| vec3(tree.grid.lower)),
-            grid_scale: cell.tree.map_or([1.0; 3], |tree| vec3(tree.grid.scale)),
-        }));
-        if uses(Feature::Meshes) {
-            packed.triangles.extend(world.triangles.iter().map(|[a, b, c]| io::Triangle {
-                a: vec3(*a),
-                b: vec3(*b),
-                c: vec3(*c),
-            }));
-            packed.triangle_shading.clone_from(&world.triangle_shading);
-        }
-        if uses(Feature::Quadrics) {
-            packed.quadrics.extend(world.quadrics.iter().map(|q| io::Quadric {
-                form0: vec4(q.surface.forms[0]),
-                form1: vec4(q.surface.forms[1]),
-                form2: vec4(q.surface.forms[2]),
-                quadratic: q.surface.quadratic as f32,
-                constant: q.surface.constant as f32,
-            }));
-            packed.quadric_shading.extend(world.quadrics.iter().map(|q| io::QuadricShading {
-                clip0: vec4(q.clip[0]),
-                clip1: vec4(q.clip[1]),
-                material: q.material,
-                object: q.object,
-            }));
-        }
         if uses(Feature::Textures) {
-            for texture in &world.textures {
+            for texture in &*world.textures {
                 let [wrap_u, wrap_v] = texture.wrap.map(wrap);
-                let first = packed.texels.len() as u32;
-                packed.textures.push(io::Texture {
+                let first = common.texels.len() as u32;
+                common.textures.push(io::Texture {
                     first,
                     width: texture.width,
                     height: texture.height,
@@ -89,13 +56,13 @@ impl Packed {
                     wrap_v,
                 });
                 // The first half lies in the low bits, as unpackHalf2x16 wants it.
-                packed.texels.extend(texture.texels.iter().map(|[r, g, b, a]| {
+                common.texels.extend(texture.texels.iter().map(|[r, g, b, a]| {
                     [[r, g], [b, a]].map(|[low, high]| u32::from(low.to_bits()) | u32::from(high.to_bits()) << 16)
                 }));
             }
         }
-        if lights {
-            packed.lights.extend(world.lights.iter().map(|light| io::Light {
+        if uses(Feature::Lights) {
+            common.lights.extend(world.lights.iter().map(|light| io::Light {
                 point: vec4(light.point),
                 color: light.color,
                 range: light.range as f32,
@@ -106,29 +73,65 @@ impl Packed {
             }));
         }
         if uses(Feature::Labels) {
-            packed.labels.clone_from(&world.domain.labels);
+            common.labels.clone_from(&world.domain.labels);
         }
-        packed
+        common
     }
 
-    /// Binding, name and bytes of each array.
-    pub fn parts(&self) -> [(u32, &'static str, &[u8]); 13] {
-        use bytemuck::cast_slice;
+    /// The arrays.
+    pub fn arrays(&self) -> [Array<'_>; 6] {
         [
             (binding::faces, "faces", cast_slice(&self.faces)),
-            (binding::cells, "cells", cast_slice(&self.cells)),
-            (binding::nodes, "nodes", cast_slice(&self.nodes)),
-            (binding::primitives, "primitives", cast_slice(&self.primitives)),
-            (binding::triangles, "triangles", cast_slice(&self.triangles)),
-            (binding::triangle_shading, "triangle shading", cast_slice(&self.triangle_shading)),
-            (binding::quadric_surfaces, "quadrics", cast_slice(&self.quadrics)),
-            (binding::quadric_shading, "quadric shading", cast_slice(&self.quadric_shading)),
             (binding::materials, "materials", cast_slice(&self.materials)),
             (binding::texture_table, "textures", cast_slice(&self.textures)),
             (binding::texels, "texels", cast_slice(&self.texels)),
             (binding::light_images, "light images", cast_slice(&self.lights)),
             (binding::label_table, "labels", cast_slice(&self.labels)),
         ]
+    }
+}
+
+/// The cells; `trees` are their hierarchies, empty for pipelines that traverse otherwise.
+pub fn cells(world: &World, trees: &[Option<Tree>]) -> Vec<io::Cell> {
+    let lights = world.plan.uses(Feature::Lights);
+    let cell = |(index, (cell, faces)): (usize, (&WorldCell, &Range<usize>))| {
+        let tree = trees.get(index).copied().flatten();
+        io::Cell {
+            first_face: faces.start as u32,
+            face_count: faces.len() as u32,
+            root: tree.map_or(NONE, |tree| tree.root),
+            first_light: if lights { cell.lights.start as u32 } else { 0 },
+            light_count: if lights { cell.lights.len() as u32 } else { 0 },
+            grid_lower: tree.map_or([0.0; 3], |tree| vec3(tree.grid.lower)),
+            grid_scale: tree.map_or([1.0; 3], |tree| vec3(tree.grid.scale)),
+        }
+    };
+    world.cells.iter().zip(&world.domain.cells).enumerate().map(cell).collect()
+}
+
+/// Corners of triangles.
+pub fn triangles(meshes: &Meshes) -> Vec<io::Triangle> {
+    meshes.triangles.iter().map(|[a, b, c]| io::Triangle { a: vec3(*a), b: vec3(*b), c: vec3(*c) }).collect()
+}
+
+/// The surface of a quadric.
+pub fn quadric(quadric: &WorldQuadric) -> io::Quadric {
+    io::Quadric {
+        form0: vec4(quadric.surface.forms[0]),
+        form1: vec4(quadric.surface.forms[1]),
+        form2: vec4(quadric.surface.forms[2]),
+        quadratic: quadric.surface.quadratic as f32,
+        constant: quadric.surface.constant as f32,
+    }
+}
+
+/// What is needed of a quadric where it is hit.
+pub fn quadric_shading(quadric: &WorldQuadric) -> io::QuadricShading {
+    io::QuadricShading {
+        clip0: vec4(quadric.clip[0]),
+        clip1: vec4(quadric.clip[1]),
+        material: quadric.material,
+        object: quadric.object,
     }
 }
 
@@ -166,10 +169,10 @@ fn wrap(wrap: Wrap) -> u32 {
     }
 }
 
-fn vec3(v: DVec3) -> [f32; 3] {
+pub fn vec3(v: DVec3) -> [f32; 3] {
     v.as_vec3().to_array()
 }
 
-fn vec4(v: DVec4) -> [f32; 4] {
+pub fn vec4(v: DVec4) -> [f32; 4] {
     v.as_vec4().to_array()
 }

@@ -1,0 +1,180 @@
+//! The ray tracing backend: `VK_KHR_ray_tracing_pipeline` with raygen, miss, intersection and hit stages, after the
+//! RTX stages of the book (its sections 3.3.4 and 3.3.5).
+//!
+//! **Recursion.** Miss shaders transport the geodesic and return; raygen traces again. So the declared depth is 1
+//! whatever the number of bounces. The variant of the book's text, in which the miss shader traces on itself, is kept
+//! as an experiment ([`RtOptions::recursive`]); a device must grant one level for each bounce.
+//!
+//! **Acceleration structures** ([`scene`]) exist for what the scene has: bottom-level structures over meshes and over
+//! boxes of quadrics, a top-level structure for each cell. In Euclidean space all copies of a mesh are instances of one
+//! structure; where isometries move the chart projectively each copy has its own vertices, so its own structure.
+//!
+//! **Moving objects** ([`moving`]) are placed on the device and their structures refitted.
+//!
+//! **The same picture.** Traversal only selects a primitive; the hit itself is computed again from the primitive by the
+//! stage bodies that the compute backend runs, so both backends agree to the last bit but for rays within a rounding
+//! of an outline.
+
+pub mod moving;
+pub mod scene;
+
+use super::{
+    RenderError, StructureStats,
+    device::{Device, DeviceBackend, Tracer},
+    plan::Feature,
+    world::World,
+};
+use crate::{
+    geometry::GeometryId,
+    shader_io::{COUNT_NODES, COUNT_TRIANGLES, Dispatch, Specialization},
+    vulkan::{
+        Context, Tier, VulkanError,
+        descriptor::{Bound, BufferSet, Layout},
+        record::Recorder,
+        tracing::{
+            pipeline::{HitGroup, TracePipeline, TraceShaders},
+            table::ShaderTable,
+        },
+    },
+};
+use scene::RtScene;
+use std::sync::Arc;
+
+/// Draws on a Vulkan device with ray tracing pipelines.
+pub type RtBackend = DeviceBackend<Rt>;
+
+/// Choices of the user.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RtOptions {
+    /// Miss shaders trace on by themselves instead of returning to raygen. Needs a recursion depth of one more than
+    /// bounces.
+    pub recursive: bool,
+}
+
+/// The ray tracing pipeline of a world.
+#[derive(Debug)]
+pub struct Rt {
+    pipeline: TracePipeline,
+    /// What it was compiled for.
+    variant: Variant,
+    table: ShaderTable,
+    /// None if the plan has neither meshes nor quadrics.
+    scene: Option<RtScene>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Variant {
+    geometry: GeometryId,
+    constants: Specialization,
+    recursion_depth: u32,
+}
+
+/// Hit groups of a plan, in the order of their indices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Group {
+    /// Triangles without holes.
+    Opaque,
+    /// Triangles whose material has an alpha mask.
+    Masked,
+    /// Quadrics.
+    Quadric,
+}
+
+/// The groups that a plan needs.
+pub(super) fn groups(world: &World) -> Vec<Group> {
+    let plan = &world.plan;
+    let all = [
+        (Group::Opaque, plan.uses(Feature::Meshes)),
+        (Group::Masked, plan.uses(Feature::Meshes) && plan.uses(Feature::AlphaMask)),
+        (Group::Quadric, plan.uses(Feature::Quadrics)),
+    ];
+    all.into_iter().filter(|(_, needed)| *needed).map(|(group, _)| group).collect()
+}
+
+fn shaders_of(group: Group) -> HitGroup<'static> {
+    let triangle = HitGroup { closest: "triangle.rchit", any: None, intersection: None };
+    match group {
+        Group::Opaque => triangle,
+        Group::Masked => HitGroup { any: Some("mask.rahit"), ..triangle },
+        Group::Quadric => HitGroup { closest: "quadric.rchit", any: None, intersection: Some("quadric.rint") },
+    }
+}
+
+impl Rt {
+    fn pipeline(context: &Arc<Context>, world: &World, variant: &Variant) -> Result<TracePipeline, VulkanError> {
+        let recursive = variant.recursion_depth > 1;
+        let transport = if recursive { "recursive.rmiss" } else { "transport.rmiss" };
+        let misses = [transport, "shadow.rmiss"];
+        let groups: Vec<HitGroup<'_>> = groups(world).into_iter().map(shaders_of).collect();
+        TracePipeline::new(
+            context,
+            &TraceShaders {
+                geometry: variant.geometry,
+                raygen: if context.info().rt().reorder { "raygen_reorder.rgen" } else { "raygen.rgen" },
+                misses: &misses[..if world.plan.uses(Feature::Shadows) { 2 } else { 1 }],
+                groups: &groups,
+                constants: &variant.constants.words(),
+                push_bytes: size_of::<Dispatch>() as u32,
+                recursion_depth: variant.recursion_depth,
+            },
+        )
+    }
+}
+
+impl Tracer for Rt {
+    const NAME: &'static str = "rt";
+    const TIER: Tier = Tier::Rt;
+    // The device's own traversal does not say what it looked at.
+    const UNCOUNTED: &'static [u32] = &[COUNT_NODES, COUNT_TRIANGLES];
+    type Options = RtOptions;
+
+    fn load(
+        device: &mut Device,
+        world: &World,
+        options: RtOptions,
+        last: Option<Self>,
+    ) -> Result<(Self, Vec<Bound>), RenderError> {
+        let variant = Variant {
+            geometry: world.geometry,
+            constants: world.plan.specialization(),
+            recursion_depth: if options.recursive { world.settings.bounces.saturating_add(1).max(2) } else { 1 },
+        };
+        // The pipeline first: it may be refused, and its cost does not depend on the scene.
+        let pipeline = match last.filter(|last| last.variant == variant) {
+            Some(last) => last.pipeline,
+            None => Self::pipeline(&device.context, world, &variant)?,
+        };
+        let (scene, bound, records) = RtScene::new(device, world)?;
+        let table = ShaderTable::new(&device.context, &mut device.submitter, &pipeline, &records)?;
+        Ok((Self { pipeline, variant, table, scene }, bound))
+    }
+
+    fn pose(&mut self, device: &mut Device, world: &World) -> Result<bool, RenderError> {
+        match &mut self.scene {
+            Some(scene) => scene.pose(device, world),
+            None => Ok(true),
+        }
+    }
+
+    fn layout(&self) -> &Layout {
+        self.pipeline.layout()
+    }
+
+    fn trace<'a>(
+        &'a self,
+        recorder: &mut Recorder<'a>,
+        set: &'a BufferSet,
+        tile: &Dispatch,
+    ) -> Result<(), VulkanError> {
+        recorder.trace(&self.pipeline, &self.table, set, tile, tile.extent)
+    }
+
+    fn memory(&self) -> u64 {
+        self.table.bytes() + self.scene.as_ref().map_or(0, RtScene::memory)
+    }
+
+    fn structures(&self) -> Option<StructureStats> {
+        let scene = self.scene.as_ref().map_or_else(StructureStats::default, RtScene::stats);
+        Some(StructureStats { bytes_table: self.table.bytes(), ..scene })
+    }
+}

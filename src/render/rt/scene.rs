@@ -1,0 +1,389 @@
+//! A world's acceleration structures, with the hit records that lead from a primitive of a structure to the buffers.
+
+use super::{
+    super::{
+        RenderError, StructureStats,
+        device::{
+            Device,
+            pack::{self, Array},
+        },
+        plan::Feature,
+        world::{World, WorldQuadric, meshes::Part},
+    },
+    Group, groups,
+    moving::MovingMeshes,
+};
+use crate::{
+    shader_io::{self as io, NONE, binding, types::uvec2},
+    vulkan::{
+        VulkanError,
+        descriptor::Bound,
+        memory::Buffer,
+        tracing::{
+            bottom::{self, Blueprint, BottomLevel, INPUT_USAGE, Shapes},
+            table::Record,
+            top::{IDENTITY, Instance, TopLevel},
+        },
+    },
+};
+use bytemuck::cast_slice;
+use glam::DAffine3;
+use std::{ops::Range, sync::Arc};
+
+/// What hit shaders read from their record: twin of `HitRecord` in `shaders/trace/payload.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct HitRecord {
+    /// First primitive of the geometry in the buffers.
+    pub first: u32,
+    /// Its material; `NONE` where primitives have their own.
+    pub material: u32,
+}
+
+/// Quadrics that there is room for beyond those of the first pose, where some move.
+const SPARE_QUADRICS: usize = 16;
+
+/// Acceleration structures of all cells.
+#[derive(Debug)]
+pub struct RtScene {
+    still: Still,
+    quadrics: Option<Quadrics>,
+    moving: MovingMeshes,
+    tops: Vec<TopLevel>,
+    stats: StructureStats,
+}
+
+/// Meshes that rest.
+#[derive(Debug, Default)]
+struct Still {
+    structures: Vec<BottomLevel>,
+    instances: Vec<StillInstance>,
+}
+
+#[derive(Debug)]
+struct StillInstance {
+    cell: usize,
+    structure: usize,
+    transform: [[f32; 4]; 3],
+    record: u32,
+}
+
+/// Quadrics of all cells, in one buffer with room for some more in each cell.
+#[derive(Debug)]
+struct Quadrics {
+    /// Places of each cell in the buffers.
+    places: Vec<Range<usize>>,
+    /// First hit record of each cell.
+    records: Vec<u32>,
+    /// One structure for each cell that has quadrics.
+    structures: Vec<Option<BottomLevel>>,
+    boxes: Arc<Buffer>,
+    surfaces: Arc<Buffer>,
+    shading: Arc<Buffer>,
+    /// What was uploaded last.
+    current: Vec<io::Quadric>,
+}
+
+impl RtScene {
+    /// Builds everything. Returns the bound buffers and the hit records besides; no scene if there is nothing to hit.
+    ///
+    /// # Errors
+    /// Driver failures; worlds beyond the device's limits.
+    pub fn new(
+        device: &mut Device,
+        world: &World,
+    ) -> Result<(Option<Self>, Vec<Bound>, Vec<Record<HitRecord>>), RenderError> {
+        let mut records = Vec::new();
+        let mut bound = device.upload(&[(binding::cells, "cells", cast_slice(&pack::cells(world, &[])))])?;
+        if !world.plan.uses(Feature::Meshes) && !world.plan.uses(Feature::Quadrics) {
+            return Ok((None, bound, records));
+        }
+        let mut stats = StructureStats::default();
+        let mut still = Still::default();
+        let mut moving = MovingMeshes::default();
+        if world.plan.uses(Feature::Meshes) {
+            let slots = MovingMeshes::slots(world);
+            let triangles = triangles(device, world, slots.triangles())?;
+            still = Still::new(device, world, &triangles[0], &mut records, &mut stats)?;
+            moving = MovingMeshes::new(device, world, slots, &triangles, &mut records)?;
+            bound.push(Bound::whole(binding::triangles, &triangles[0]));
+            bound.push(Bound::whole(binding::triangle_shading, &triangles[1]));
+        }
+        let quadrics = if world.plan.uses(Feature::Quadrics) {
+            let quadrics = Quadrics::new(device, world, &mut records, &mut stats)?;
+            bound.push(Bound::whole(binding::quadric_surfaces, &quadrics.surfaces));
+            bound.push(Bound::whole(binding::quadric_shading, &quadrics.shading));
+            Some(quadrics)
+        } else {
+            None
+        };
+        let mut tops = Vec::with_capacity(world.cells.len());
+        for cell in 0..world.cells.len() {
+            let instances = still.instances.iter().filter(|i| i.cell == cell).count();
+            let capacity = instances + moving.capacity() + usize::from(quadrics.is_some());
+            tops.push(TopLevel::new(&device.context, &format!("cell {cell}"), capacity)?);
+        }
+        let addresses: Vec<uvec2> = tops.iter().map(TopLevel::address).collect();
+        bound.extend(device.upload(&[(binding::scenes, "scenes", cast_slice(&addresses))])?);
+        let mut scene = Self { still, quadrics, moving, tops, stats };
+        scene.moving.pose(device, world, &mut scene.stats)?;
+        scene.build_tops(device)?;
+        Ok((Some(scene), bound, records))
+    }
+
+    /// Moves what moves; `false` if there is no room for it.
+    pub fn pose(&mut self, device: &mut Device, world: &World) -> Result<bool, RenderError> {
+        if !self.moving.pose(device, world, &mut self.stats)? {
+            return Ok(false);
+        }
+        if let Some(quadrics) = &mut self.quadrics
+            && !quadrics.pose(device, world, &mut self.stats)?
+        {
+            return Ok(false);
+        }
+        self.build_tops(device)?;
+        Ok(true)
+    }
+
+    /// Builds or refits the top-level structures.
+    fn build_tops(&mut self, device: &mut Device) -> Result<(), VulkanError> {
+        let mut placed = Vec::with_capacity(self.tops.len());
+        self.stats.instances = 0;
+        for (cell, top) in self.tops.iter_mut().enumerate() {
+            let mut instances: Vec<Instance<'_>> = Vec::with_capacity(top.capacity());
+            instances.extend(self.still.instances.iter().filter(|i| i.cell == cell).map(|i| Instance {
+                structure: &self.still.structures[i.structure],
+                transform: i.transform,
+                record: i.record,
+            }));
+            instances.extend(self.moving.instances(cell));
+            instances.extend(self.quadrics.as_ref().and_then(|quadrics| quadrics.instance(cell)));
+            self.stats.instances += instances.len() as u64;
+            placed.push(top.place(&instances)?);
+        }
+        for placed in &placed {
+            *(if placed.refit { &mut self.stats.refits } else { &mut self.stats.builds }) += 1;
+        }
+        let tops = &self.tops;
+        device.submitter.submit("place instances", |r| {
+            tops.iter().zip(placed).try_for_each(|(top, placed)| r.build(top, placed))
+        })?;
+        Ok(())
+    }
+
+    /// Bytes of all structures, and of buffers that are not bound.
+    pub fn memory(&self) -> u64 {
+        let still = self.still.structures.iter().map(BottomLevel::bytes).sum::<u64>();
+        let quadrics = self.quadrics.as_ref().map_or(0, |quadrics| {
+            quadrics.boxes.size() + quadrics.structures.iter().flatten().map(BottomLevel::bytes).sum::<u64>()
+        });
+        still + quadrics + self.moving.memory() + self.tops.iter().map(TopLevel::bytes).sum::<u64>()
+    }
+
+    /// Numbers for `--stats`; the table is not known here.
+    pub fn stats(&self) -> StructureStats {
+        let quadrics = self.quadrics.iter().flat_map(|quadrics| quadrics.structures.iter().flatten());
+        let moving = self.moving.structures().chain(quadrics.clone().filter(|structure| structure.moves()));
+        StructureStats {
+            bottom: (self.still.structures.len() + self.moving.structures().count() + quadrics.count()) as u64,
+            bytes_moving: moving.map(BottomLevel::bytes).sum(),
+            bytes_top: self.tops.iter().map(TopLevel::bytes).sum(),
+            ..self.stats
+        }
+    }
+}
+
+/// Corners and shading data of the triangles that rest, with room for those that move behind them.
+fn triangles(device: &mut Device, world: &World, room: usize) -> Result<[Arc<Buffer>; 2], RenderError> {
+    let corners = pack::triangles(&world.still);
+    let arrays: [Array<'_>; 2] = [
+        (binding::triangles, "triangles", cast_slice(&corners)),
+        (binding::triangle_shading, "triangle shading", cast_slice(&world.still.shading)),
+    ];
+    let sizes = [size_of::<io::Triangle>(), size_of::<io::TriangleShading>()];
+    let mut buffers = Vec::with_capacity(2);
+    for ((_, name, bytes), size) in arrays.into_iter().zip(sizes) {
+        let all = bytes.len() as u64 + (room * size) as u64;
+        if all > device.limit() {
+            return Err(device.too_large(name, all));
+        }
+        let buffer = Buffer::with_usage(&device.context, name, all, INPUT_USAGE, 16)?;
+        buffer.upload(&mut device.submitter, bytes)?;
+        buffers.push(Arc::new(buffer));
+    }
+    let [corners, shading] = [buffers.remove(0), buffers.remove(0)];
+    Ok([corners, shading])
+}
+
+/// Geometries of a structure over some runs of triangles, and their hit records.
+pub(super) fn geometries(world: &World, parts: &[Part]) -> (Vec<bottom::Part>, Vec<Record<HitRecord>>) {
+    let groups = groups(world);
+    let index = |group: Group| groups.iter().position(|g| *g == group).unwrap_or(0);
+    let geometry = |part: &Part| {
+        let masked = world.plan.uses(Feature::AlphaMask)
+            && world.materials.get(part.material as usize).is_some_and(|m| m.alpha_cutoff.is_some());
+        let (first, count) = (part.triangles.start as u32, part.triangles.len() as u32);
+        let group = index(if masked { Group::Masked } else { Group::Opaque });
+        let record = Record { group, data: HitRecord { first, material: part.material } };
+        (bottom::Part { first, count, opaque: !masked }, record)
+    };
+    parts.iter().map(geometry).unzip()
+}
+
+impl Still {
+    fn new(
+        device: &mut Device,
+        world: &World,
+        triangles: &Arc<Buffer>,
+        records: &mut Vec<Record<HitRecord>>,
+        stats: &mut StructureStats,
+    ) -> Result<Self, RenderError> {
+        let copies = &world.still.copies;
+        let mut blueprints = Vec::new();
+        let mut instances = Vec::with_capacity(copies.len());
+        // Structure and geometries of each copy so far.
+        let mut known: Vec<(usize, Vec<bool>)> = Vec::with_capacity(copies.len());
+        for (index, copy) in copies.iter().enumerate() {
+            let (parts, own) = geometries(world, &copy.parts);
+            let opaque: Vec<bool> = parts.iter().map(|part| part.opaque).collect();
+            let record = records.len() as u32;
+            records.extend(own);
+            let shared = copy.image_of.filter(|(first, _)| {
+                // Another material may make holes, and then the structure is another one.
+                *first < index && known[*first].1 == opaque && copies[*first].len() == copy.len()
+            });
+            let (structure, transform) = match shared {
+                Some((first, map)) => (known[first].0, rows(&map)),
+                None => {
+                    blueprints.push(Blueprint {
+                        name: format!("mesh copy {index}"),
+                        shapes: Shapes::Triangles,
+                        buffer: triangles.clone(),
+                        parts,
+                        moves: false,
+                    });
+                    (blueprints.len() - 1, IDENTITY)
+                }
+            };
+            known.push((structure, opaque));
+            if !copy.is_empty() {
+                instances.push(StillInstance { cell: copy.cell, structure, transform, record });
+            }
+        }
+        stats.builds += blueprints.len() as u64;
+        let (structures, bytes) = BottomLevel::build(&device.context, &mut device.submitter, blueprints)?;
+        stats.bytes_built += bytes.built;
+        stats.bytes_compacted += bytes.kept;
+        Ok(Self { structures, instances })
+    }
+}
+
+fn rows(map: &DAffine3) -> [[f32; 4]; 3] {
+    let (m, t) = (map.matrix3, map.translation);
+    [0, 1, 2].map(|i| [m.x_axis[i], m.y_axis[i], m.z_axis[i], t[i]].map(|x| x as f32))
+}
+
+/// Boxes are larger than what is in them by this, in units of the chart's coordinates: the rounding of f32.
+const BOX_SLACK: f64 = 4e-6;
+
+fn box_of(quadric: &WorldQuadric) -> [f32; 6] {
+    let slack = |x: glam::DVec3| x.abs() * BOX_SLACK + BOX_SLACK;
+    let lower = quadric.bounds.lower - slack(quadric.bounds.lower);
+    let upper = quadric.bounds.upper + slack(quadric.bounds.upper);
+    let [a, b] = [lower, upper].map(pack::vec3);
+    [a[0], a[1], a[2], b[0], b[1], b[2]]
+}
+
+impl Quadrics {
+    fn new(
+        device: &mut Device,
+        world: &World,
+        records: &mut Vec<Record<HitRecord>>,
+        stats: &mut StructureStats,
+    ) -> Result<Self, RenderError> {
+        let group = groups(world).iter().position(|g| *g == Group::Quadric).unwrap_or(0);
+        let spare = if world.quadrics_move() { SPARE_QUADRICS } else { 0 };
+        let (mut places, mut first_records) = (Vec::new(), Vec::new());
+        let mut next = 0;
+        for cell in 0..world.cells.len() {
+            let count = world.quadrics.iter().filter(|q| q.cell == cell).count();
+            first_records.push(records.len() as u32);
+            records.push(Record { group, data: HitRecord { first: next as u32, material: NONE } });
+            places.push(next..next + count + spare);
+            next += count + spare;
+        }
+        let make = |name: &'static str, size: usize| {
+            let bytes = (next.max(1) * size) as u64;
+            if bytes > device.limit() {
+                return Err(device.too_large(name, bytes));
+            }
+            Ok(Arc::new(Buffer::with_usage(&device.context, name, bytes, INPUT_USAGE, 16)?))
+        };
+        let mut quadrics = Self {
+            boxes: make("quadric boxes", size_of::<[f32; 6]>())?,
+            surfaces: make("quadrics", size_of::<io::Quadric>())?,
+            shading: make("quadric shading", size_of::<io::QuadricShading>())?,
+            structures: Vec::new(),
+            records: first_records,
+            places,
+            current: Vec::new(),
+        };
+        quadrics.pose(device, world, stats)?;
+        Ok(quadrics)
+    }
+
+    /// Takes in the quadrics of a pose; `false` if there is no room for them.
+    fn pose(&mut self, device: &mut Device, world: &World, stats: &mut StructureStats) -> Result<bool, RenderError> {
+        let current: Vec<io::Quadric> = world.quadrics.iter().map(pack::quadric).collect();
+        if current == self.current && !self.structures.is_empty() {
+            return Ok(true);
+        }
+        let end = self.places.last().map_or(0, |range| range.end);
+        let mut surfaces = vec![io::Quadric::default(); end];
+        let mut shading = vec![io::QuadricShading::default(); end];
+        let mut boxes = vec![[0.0_f32; 6]; end];
+        let mut counts = vec![0; self.places.len()];
+        for quadric in &world.quadrics {
+            let at = self.places[quadric.cell].start + counts[quadric.cell];
+            if at >= self.places[quadric.cell].end {
+                return Ok(false);
+            }
+            counts[quadric.cell] += 1;
+            surfaces[at] = pack::quadric(quadric);
+            shading[at] = pack::quadric_shading(quadric);
+            boxes[at] = box_of(quadric);
+        }
+        self.surfaces.upload(&mut device.submitter, cast_slice(&surfaces))?;
+        self.shading.upload(&mut device.submitter, cast_slice(&shading))?;
+        self.boxes.upload(&mut device.submitter, cast_slice(&boxes))?;
+        let filled: Vec<(usize, u32)> =
+            counts.into_iter().enumerate().filter(|(_, n)| *n > 0).map(|(cell, n)| (cell, n as u32)).collect();
+        let blueprints = filled.iter().map(|(cell, count)| Blueprint {
+            name: format!("quadrics of cell {cell}"),
+            shapes: Shapes::Boxes,
+            buffer: self.boxes.clone(),
+            parts: vec![bottom::Part { first: self.places[*cell].start as u32, count: *count, opaque: true }],
+            moves: world.quadrics_move(),
+        });
+        // A few boxes are built as fast as they are refitted, and their number may change with each pose. The old
+        // structures go before the new ones come.
+        self.structures.clear();
+        let (built, bytes) = BottomLevel::build(&device.context, &mut device.submitter, blueprints.collect())?;
+        stats.builds += built.len() as u64;
+        if !world.quadrics_move() {
+            stats.bytes_built += bytes.built;
+            stats.bytes_compacted += bytes.kept;
+        }
+        self.structures.resize_with(self.places.len(), || None);
+        for ((cell, _), structure) in filled.into_iter().zip(built) {
+            self.structures[cell] = Some(structure);
+        }
+        self.current = current;
+        Ok(true)
+    }
+
+    fn instance(&self, cell: usize) -> Option<Instance<'_>> {
+        let structure = self.structures.get(cell)?.as_ref()?;
+        Some(Instance { structure, transform: IDENTITY, record: self.records[cell] })
+    }
+}

@@ -1,0 +1,203 @@
+//! Meshes in the charts of the cells: at rest in the space, and as triangles of each copy that reaches into a cell.
+
+use super::place::{Copy, TOUCHING, all_beyond_one_face, beyond_one_face};
+use crate::{
+    geometry::{Geodesic, Geometry, exponential},
+    scene::Mesh,
+    shader_io::TriangleShading,
+    space::{domain::Domain, observer::Frame},
+};
+use glam::{DAffine3, DMat3, DVec3, DVec4};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// A vertex in the space: position and normal, in the model.
+#[derive(Clone, Copy, Debug)]
+pub struct Placed {
+    /// The point.
+    pub point: DVec4,
+    /// Unit normal, a tangent vector there.
+    pub normal: DVec4,
+}
+
+/// A triangle of a mesh at rest.
+#[derive(Clone, Copy, Debug)]
+pub struct RestTriangle {
+    /// Indices of the corners.
+    pub corners: [u32; 3],
+    /// Texture coordinates at the corners.
+    pub uv: [[f32; 2]; 3],
+    /// Index of the material.
+    pub material: u32,
+}
+
+/// Triangles in a row that show the same material.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Index of the material.
+    pub material: u32,
+    /// The triangles.
+    pub triangles: Range<usize>,
+}
+
+/// A mesh put into the space by the exponential map at a frame. Isometries carry it from there.
+#[derive(Clone, Debug)]
+pub struct RestMesh {
+    /// Index of the scene's object.
+    pub object: u32,
+    /// The frame.
+    pub frame: Frame,
+    /// Vertices.
+    pub vertices: Vec<Placed>,
+    /// Triangles, those of one material in a row.
+    pub triangles: Vec<RestTriangle>,
+}
+
+impl RestMesh {
+    /// Places a mesh, with its lengths multiplied by `scale`. `material` replaces the mesh's own.
+    pub fn new<G: Geometry>(
+        geometry: G,
+        mesh: &Mesh,
+        object: u32,
+        frame: Frame,
+        scale: f64,
+        material: Option<usize>,
+    ) -> Self {
+        let vertices =
+            mesh.vertices.par_iter().map(|v| place_vertex(geometry, frame, v.position * scale, v.normal)).collect();
+        let mut triangles: Vec<RestTriangle> = mesh
+            .triangles
+            .iter()
+            .map(|(corners, own)| RestTriangle {
+                corners: *corners,
+                uv: corners.map(|i| mesh.vertices[i as usize].uv),
+                material: material.unwrap_or(*own) as u32,
+            })
+            .collect();
+        triangles.sort_by_key(|t| t.material);
+        Self { object, frame, vertices, triangles }
+    }
+
+    /// Runs of one material.
+    pub fn parts(&self) -> Vec<Part> {
+        parts(self.triangles.iter().map(|t| t.material), 0)
+    }
+}
+
+fn parts(materials: impl Iterator<Item = u32>, first: usize) -> Vec<Part> {
+    let mut parts: Vec<Part> = Vec::new();
+    for (index, material) in materials.enumerate() {
+        let at = first + index;
+        match parts.last_mut() {
+            Some(part) if part.material == material => part.triangles.end = at + 1,
+            _ => parts.push(Part { material, triangles: at..at + 1 }),
+        }
+    }
+    parts
+}
+
+/// A copy of a mesh in a cell.
+#[derive(Clone, Debug)]
+pub struct MeshCopy {
+    /// The cell.
+    pub cell: usize,
+    /// Its triangles among [`Meshes::triangles`], by material.
+    pub parts: Vec<Part>,
+    /// The copy of which this one is an affine image, triangle by triangle, and the map of the chart. Such copies can
+    /// share an acceleration structure. Only where isometries act on the chart by affine maps.
+    pub image_of: Option<(usize, DAffine3)>,
+}
+
+impl MeshCopy {
+    /// Number of its triangles.
+    pub fn len(&self) -> usize {
+        self.parts.iter().map(|part| part.triangles.len()).sum()
+    }
+
+    /// Whether it has no triangle.
+    pub fn is_empty(&self) -> bool {
+        self.parts.is_empty()
+    }
+}
+
+/// Triangles of all cells.
+#[derive(Clone, Debug, Default)]
+pub struct Meshes {
+    /// The copies.
+    pub copies: Vec<MeshCopy>,
+    /// Corners in the chart.
+    pub triangles: Vec<[DVec3; 3]>,
+    /// Shading data of the triangles.
+    pub shading: Vec<TriangleShading>,
+}
+
+impl Meshes {
+    /// Adds a copy. Where isometries act on the chart by affine maps it keeps all triangles, so that copies can be
+    /// images of one another; elsewhere those outside of the cell are dropped, so copies cost no more than the mesh.
+    pub fn add<G: Geometry>(
+        &mut self,
+        geometry: G,
+        domain: &Domain,
+        rest: &RestMesh,
+        copy: &Copy,
+        image_of: Option<(usize, DAffine3)>,
+    ) {
+        let affine = geometry.chart_action(&copy.isometry).is_some();
+        let moved: Vec<Placed> = rest
+            .vertices
+            .par_iter()
+            .map(|p| {
+                let g = geometry.apply(&copy.isometry, Geodesic { point: p.point, velocity: p.normal });
+                Placed { point: g.point, normal: g.velocity }
+            })
+            .collect();
+        let first = self.triangles.len();
+        for triangle in &rest.triangles {
+            let corners = triangle.corners.map(|i| moved[i as usize]);
+            if !affine && all_beyond_one_face(geometry, domain, copy.cell, &corners.map(|c| c.point)) {
+                continue;
+            }
+            let [conormal_a, conormal_b, conormal_c] =
+                corners.map(|c| geometry.lower(c.point, c.normal).as_vec3().to_array());
+            let [uv_a, uv_b, uv_c] = triangle.uv;
+            self.triangles.push(corners.map(|c| geometry.chart(c.point)));
+            self.shading.push(TriangleShading {
+                conormal_a,
+                conormal_b,
+                conormal_c,
+                uv_a,
+                uv_b,
+                uv_c,
+                material: triangle.material,
+                object: rest.object,
+            });
+        }
+        let parts = parts(self.shading[first..].iter().map(|s| s.material), first);
+        self.copies.push(MeshCopy { cell: copy.cell, parts, image_of });
+    }
+
+    /// Triangles of a cell that are not altogether outside of it.
+    pub fn inside<'a>(&'a self, domain: &'a Domain, cell: usize) -> impl Iterator<Item = usize> + 'a {
+        let copies = self.copies.iter().filter(move |copy| copy.cell == cell);
+        let triangles = copies.flat_map(|copy| copy.parts.iter().flat_map(|part| part.triangles.clone()));
+        let outside = move |index: usize| {
+            let corners = self.triangles[index];
+            beyond_one_face(domain, cell, |plane| corners.iter().all(|c| plane.dot(c.extend(1.0)) > TOUCHING))
+        };
+        triangles.filter(move |index| !outside(*index))
+    }
+}
+
+/// A vertex brought into the space by the exponential map at the object's frame. Its normal follows as a covector
+/// by the inverse transpose of the map's differential, taken by central differences: accurate to 1e-9 and valid in
+/// every geometry.
+fn place_vertex<G: Geometry>(geometry: G, frame: Frame, position: DVec3, normal: DVec3) -> Placed {
+    let at = |x: DVec3| exponential(geometry, frame.point, frame.vector(x));
+    let point = at(position);
+    let h = 1e-5 * position.length().max(1e-3);
+    let column = |e: DVec3| (geometry.chart(at(position + e * h)) - geometry.chart(at(position - e * h))) / (2.0 * h);
+    let differential = DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z));
+    let conormal = differential.inverse().transpose() * normal;
+    let usable = conormal.is_finite() && conormal.length_squared() > 0.0;
+    Placed { point, normal: geometry.raise(point, if usable { conormal } else { DVec3::Z }) }
+}
