@@ -69,6 +69,9 @@ pub(super) fn run(args: &RenderArgs) -> Outcome {
         paste(&mut target, &view, args.size[0] * index as u32);
     }
     progress.finish();
+    if let Some(lost) = backend.keep() {
+        let _ = writeln!(std::io::stderr(), "warning: {lost}");
+    }
 
     if let Some(file) = stats_file {
         let times = Times { prepare: loading - started, load: load_time };
@@ -153,6 +156,7 @@ fn add(sum: &mut Stats, stats: &Stats) {
     sum.memory = sum.memory.max(stats.memory);
     sum.dispatches += stats.dispatches;
     sum.structures = stats.structures;
+    sum.pipeline_cache.clone_from(&stats.pipeline_cache);
     sum.uncounted = stats.uncounted;
 }
 
@@ -233,6 +237,7 @@ fn stats_json(
             "builds": s.builds,
             "refits": s.refits,
         })),
+        "pipeline_cache": stats.pipeline_cache,
         "dispatches": stats.dispatches,
         "time_ms": {
             "prepare": milliseconds(times.prepare),

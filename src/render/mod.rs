@@ -47,6 +47,11 @@ pub trait Backend {
         self.load(world)
     }
 
+    /// Keeps what helps the next run. Returns what could not be kept, for a warning: nothing depends on it.
+    fn keep(&self) -> Option<String> {
+        None
+    }
+
     /// Draws one picture of the loaded world. `progress` is called with the share that is done, from 0 to 1.
     ///
     /// # Errors
@@ -190,6 +195,8 @@ pub struct Stats {
     pub memory: u64,
     /// Dispatches submitted (tiles × samples), or tasks run.
     pub dispatches: u64,
+    /// What was found of pipelines compiled in earlier runs, of the backends that have some.
+    pub pipeline_cache: Option<String>,
     /// Counters that the backend cannot know.
     pub uncounted: &'static [u32],
     /// Acceleration structures, of the backend that has them.

@@ -2,6 +2,7 @@
 
 use super::{
     ContextOptions, DeviceInfo, Tier, VulkanError,
+    cache::{self, CacheFile},
     fault::FaultInjection,
     instance::{Creator, Instance, Loader, Messages},
     tier::{Features, REORDER_EXTENSION, RT_EXTENSIONS},
@@ -32,6 +33,7 @@ pub struct Context {
     queue: Mutex<vk::Queue>,
     queue_family: u32,
     pipeline_cache: vk::PipelineCache,
+    cache_file: CacheFile,
     debug_names: Option<ash::ext::debug_utils::Device>,
     /// Present in contexts of [`Tier::Rt`].
     tracing: Option<Functions>,
@@ -137,10 +139,21 @@ impl Context {
             in_use: 0,
             cause: e.to_string(),
         })?;
-        let pipeline_cache = faults.call("vkCreatePipelineCache", "the program", || {
-            // SAFETY: the device is alive.
-            unsafe { device.0.create_pipeline_cache(&vk::PipelineCacheCreateInfo::default(), None) }
-        })?;
+        let mut cache_file = CacheFile::open(options.cache_folder.as_deref(), &info);
+        let create_cache = |data: &[u8]| {
+            faults.call("vkCreatePipelineCache", "the program", || {
+                let info = vk::PipelineCacheCreateInfo::default().initial_data(data);
+                // SAFETY: the device is alive, and the data is what its driver gave (`CacheFile`) or nothing.
+                unsafe { device.0.create_pipeline_cache(&info, None) }
+            })
+        };
+        let pipeline_cache = match create_cache(cache_file.data()) {
+            Err(error) if !cache_file.data().is_empty() => {
+                cache_file.reject(error.to_string());
+                create_cache(&[])?
+            }
+            made => made?,
+        };
         let debug_names =
             instance.has_debug_names().then(|| ash::ext::debug_utils::Device::new(instance.raw(), &device.0));
         let tracing = rt.then(|| Functions::new(instance.raw(), &device.0));
@@ -151,6 +164,7 @@ impl Context {
             queue: Mutex::new(queue),
             queue_family,
             pipeline_cache,
+            cache_file,
             debug_names,
             memory_in_use: AtomicU64::new(0),
             hung: AtomicBool::new(false),
@@ -221,6 +235,26 @@ impl Context {
             device: self.info.name.clone(),
             lacking: vec![String::from("ray tracing: it was opened without")],
         })
+    }
+
+    /// What was found on disk of pipelines compiled earlier.
+    pub fn cache_found(&self) -> &cache::Found {
+        self.cache_file.found()
+    }
+
+    /// Keeps the pipelines compiled so far for the next run.
+    ///
+    /// # Errors
+    /// [`VulkanError::Cache`], and the driver's. Neither is a reason to stop.
+    pub fn save_pipelines(&self) -> Result<(), VulkanError> {
+        if !self.cache_file.wants_data() || self.is_hung() {
+            return Ok(());
+        }
+        let data = self.call("vkGetPipelineCacheData", "the program", |d| {
+            // SAFETY: the device and its cache are alive.
+            unsafe { d.get_pipeline_cache_data(self.pipeline_cache) }
+        })?;
+        self.cache_file.write(&data)
     }
 
     pub(super) fn pipeline_cache(&self) -> vk::PipelineCache {

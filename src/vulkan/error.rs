@@ -1,7 +1,7 @@
 //! What can go wrong with a device, each with the call, the thing and the limits by name.
 
 use ash::vk;
-use std::time::Duration;
+use std::{path::PathBuf, time::Duration};
 
 /// Vulkan failed.
 #[derive(Debug, thiserror::Error)]
@@ -99,6 +99,14 @@ pub enum VulkanError {
         limit: u32,
         /// The device.
         device: String,
+    },
+    /// Compiled pipelines could not be kept.
+    #[error("pipeline cache {}: {cause}", path.display())]
+    Cache {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        cause: String,
     },
     /// The device did not come to an end.
     #[error("vkWaitForFences for {what}: the device did not finish within {limit:?}")]

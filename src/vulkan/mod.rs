@@ -5,6 +5,7 @@
 //! | [`instance`] | loader, instance, messenger of the validation layer | as long as its context |
 //! | [`tier`] | what a device is and which tier of the renderer it can run | – |
 //! | [`context`] | logical device, queue, allocator, pipeline cache | until the last buffer, pipeline or submitter that holds its `Arc` is gone |
+//! | [`cache`] | compiled pipelines on disk | – |
 //! | [`memory`] | buffers | as long as their owner likes |
 //! | [`tracing`] | acceleration structures, ray tracing pipelines, shader binding tables | the same |
 //! | [`shader`] | embedded SPIR-V, layouts, compute pipelines | the same |
@@ -19,6 +20,7 @@
 //! Every call that can fail goes through `call` of [`fault::FaultInjection`], which names it in the error and lets
 //! tests make it fail.
 
+pub mod cache;
 pub mod command;
 pub mod context;
 pub mod descriptor;

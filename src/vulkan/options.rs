@@ -1,7 +1,7 @@
 //! How a context shall be made.
 
-use super::{Tier, VulkanError, fault::FaultInjection, instance::Messages};
-use std::{env, ffi::CString};
+use super::{Tier, VulkanError, cache, fault::FaultInjection, instance::Messages};
+use std::{env, ffi::CString, path::PathBuf};
 
 /// How much the validation layer checks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,6 +31,8 @@ pub struct ContextOptions {
     pub instance_extensions: Vec<CString>,
     /// Further device extensions, for a window.
     pub device_extensions: Vec<CString>,
+    /// Folder in which compiled pipelines are kept; none to keep none.
+    pub cache_folder: Option<PathBuf>,
     /// Where the validation layer's messages go. Keep a clone to read what is said about a context that could not
     /// be made, or at its end.
     pub messages: Messages,
@@ -50,7 +52,7 @@ pub const VALIDATION_VARIABLE: &str = "HOLONOMY_VALIDATION";
 
 impl ContextOptions {
     /// What the environment says: [`DEVICE_VARIABLE`] picks a device, [`VALIDATION_VARIABLE`] is `0`, `1` or
-    /// `sync`.
+    /// `sync`, [`CACHE_VARIABLE`](cache::CACHE_VARIABLE) says where compiled pipelines are kept.
     ///
     /// # Errors
     /// [`VulkanError::Variable`] if a variable has another value.
@@ -67,6 +69,7 @@ impl ContextOptions {
                 }
             },
         };
-        Ok(Self { device: read(DEVICE_VARIABLE), validation, ..Self::default() })
+        let cache_folder = cache::folder_from_env();
+        Ok(Self { device: read(DEVICE_VARIABLE), validation, cache_folder, ..Self::default() })
     }
 }

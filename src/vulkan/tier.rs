@@ -84,8 +84,14 @@ pub(super) struct Found {
     pub portability: bool,
     /// Limits of ray tracing, where the device has it.
     pub rt: RtLimits,
-    /// Identifies the driver's build to pipeline caches.
+    /// The driver's own mark of its build, for pipeline caches.
     pub cache_uuid: [u8; vk::UUID_SIZE],
+    /// PCI vendor.
+    pub vendor_id: u32,
+    /// PCI device.
+    pub device_id: u32,
+    /// Version in the driver's own encoding.
+    pub driver_version: u32,
 }
 
 /// Limits of ray tracing pipelines and acceleration structures.
@@ -318,6 +324,9 @@ pub(super) fn describe(
                 reorder: reorder_extension && features.reorder.ray_tracing_invocation_reorder == vk::TRUE,
             },
             cache_uuid: basic.pipeline_cache_uuid,
+            vendor_id: basic.vendor_id,
+            device_id: basic.device_id,
+            driver_version: basic.driver_version,
         },
     })
 }

@@ -118,6 +118,7 @@ impl Visitor for Render<'_> {
             wall_time: elapsed,
             memory: memory_of(world) + (target.pixels.len() * size_of::<[f32; 4]>()) as u64,
             dispatches: tiles.len() as u64,
+            pipeline_cache: None,
             uncounted: &[],
             structures: None,
         }

@@ -256,6 +256,10 @@ impl<T: Tracer> Backend for DeviceBackend<T> {
         self.load(world)
     }
 
+    fn keep(&self) -> Option<String> {
+        self.context().save_pipelines().err().map(|error| error.to_string())
+    }
+
     fn render(
         &mut self,
         shot: &Shot,
@@ -275,6 +279,7 @@ impl<T: Tracer> Backend for DeviceBackend<T> {
         stats.memory = loaded.memory(&self.null);
         stats.structures = loaded.tracer.structures();
         stats.uncounted = T::UNCOUNTED;
+        stats.pipeline_cache = Some(self.context().cache_found().to_string());
         // After an error the world is still there: a lost device says so again, and memory may come back.
         self.loaded = Some(loaded);
         drawn?;

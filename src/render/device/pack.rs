@@ -169,10 +169,12 @@ fn wrap(wrap: Wrap) -> u32 {
     }
 }
 
+/// Three floats.
 pub fn vec3(v: DVec3) -> [f32; 3] {
     v.as_vec3().to_array()
 }
 
+/// Four floats.
 pub fn vec4(v: DVec4) -> [f32; 4] {
     v.as_vec4().to_array()
 }

@@ -26,7 +26,7 @@ use super::{
 };
 use crate::{
     geometry::GeometryId,
-    shader_io::{COUNT_NODES, COUNT_TRIANGLES, Dispatch, Specialization},
+    shader_io::{COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, Dispatch, Specialization},
     vulkan::{
         Context, Tier, VulkanError,
         descriptor::{Bound, BufferSet, Layout},
@@ -124,8 +124,9 @@ impl Rt {
 impl Tracer for Rt {
     const NAME: &'static str = "rt";
     const TIER: Tier = Tier::Rt;
-    // The device's own traversal does not say what it looked at.
-    const UNCOUNTED: &'static [u32] = &[COUNT_NODES, COUNT_TRIANGLES];
+    // The device's own traversal does not say what it looked at, and intersection shaders that count would be measured
+    // for their counting.
+    const UNCOUNTED: &'static [u32] = &[COUNT_NODES, COUNT_TRIANGLES, COUNT_QUADRICS];
     type Options = RtOptions;
 
     fn load(
