@@ -1,18 +1,19 @@
-// Work counters, only where the plan counts: private sums, flushed once by entry points that run a whole path. Stages
-// that the ray tracing pipeline calls in between (COUNT_AT_ONCE) have no end of their own and add at once.
+// Work counters, only where the plan counts: private sums, flushed once at the end by entry points that run a whole
+// path in one piece. The stages of the ray tracing pipeline (COUNT_AT_ONCE) add at once: their private variables would
+// have to be kept alive through every trace.
 #ifndef COUNT_GLSL
 #define COUNT_GLSL
 #include "shared/io.glsl"
 
 #ifdef COUNT_AT_ONCE
-void count(uint what) {
-    if (IO_COUNTERS) atomicAdd(io_counts[what], 1u);
+void count_add(uint what, uint number) {
+    if (IO_COUNTERS) atomicAdd(io_counts[what], number);
 }
 #else
 uint count_sums[IO_COUNT_END] = uint[](0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u);
 
-void count(uint what) {
-    if (IO_COUNTERS) count_sums[what]++;
+void count_add(uint what, uint number) {
+    if (IO_COUNTERS) count_sums[what] += number;
 }
 
 void count_flush() {
@@ -22,5 +23,9 @@ void count_flush() {
     }
 }
 #endif
+
+void count(uint what) {
+    count_add(what, 1u);
+}
 
 #endif

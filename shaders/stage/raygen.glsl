@@ -45,7 +45,7 @@ void stage_raygen(uvec2 pixel, vec2 offset) {
         first = false;
     }
     if (path.status == PATH_HIT) count(IO_COUNT_HITS);
-    if (IO_COUNTERS) count_sums[IO_COUNT_BOUNCES] += path.bounces;
+    count_add(IO_COUNT_BOUNCES, path.bounces);
     io_pixels[pixel.y * view.size.x + pixel.x] += vec4(raygen_result(path, hit), 1.0);
 }
 
