@@ -194,7 +194,8 @@ fn stats_json(
         ("lost", io::COUNT_LOST),
     ];
     let pixels = f64::from(args.size[0]) * f64::from(args.size[1]) * eyes as f64;
-    let counts: serde_json::Map<_, _> = named.iter().map(|(name, i)| ((*name).to_owned(), shown(*i, json!(count(*i))))).collect();
+    let counts: serde_json::Map<_, _> =
+        named.iter().map(|(name, i)| ((*name).to_owned(), shown(*i, json!(count(*i))))).collect();
     let per_pixel: serde_json::Map<_, _> =
         named.iter().map(|(name, i)| ((*name).to_owned(), shown(*i, json!(count(*i) as f64 / pixels)))).collect();
     let features = |wanted: fn(&crate::render::plan::Decision) -> bool| -> Vec<Value> {

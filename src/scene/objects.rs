@@ -87,7 +87,8 @@ fn motion(value: &Value, kind: Kind) -> Result<Motion, SceneError> {
         return Err(value.error("the edges of a cell stay where they are: they cannot move"));
     }
     let mut table = value.table("motion", &["velocity", "spin"])?;
-    let velocity = table.take("velocity").map(|v| v.numbers(&[3], Bounds::closed(-MAX_REACH, MAX_REACH))).transpose()?;
+    let velocity =
+        table.take("velocity").map(|v| v.numbers(&[3], Bounds::closed(-MAX_REACH, MAX_REACH))).transpose()?;
     let spin = table.take("spin");
     table.finish("in motion")?;
     let turn = match spin {

@@ -1,4 +1,5 @@
-//! Compute (f32 on the device) and cpu (f64) draw the same picture.
+//! The three backends draw the same picture: rt and compute (f32 on the device) that of the cpu (f64), and on one driver
+//! rt that of compute exactly.
 //!
 //! Compared are 8-bit sRGB values, as a viewer sees them. At least 99.9 % of the pixels must be within 2/255, and
 //! each of the others must lie on an outline: a pixel in whose 3 × 3 neighbourhood the reference changes its object
@@ -6,7 +7,14 @@
 
 use crate::support;
 use holonomy::{
-    render::{Backend, Shot, Target, compute::ComputeBackend, cpu::CpuBackend, plan::Plan, world::World},
+    render::{
+        Backend, Shot, Target,
+        compute::ComputeBackend,
+        cpu::CpuBackend,
+        plan::Plan,
+        rt::{RtBackend, RtOptions},
+        world::World,
+    },
     scene::{Scene, Shading, file},
     space::catalogue,
     vulkan::Context,
@@ -108,14 +116,65 @@ fn compute(context: &Arc<Context>) -> ComputeBackend {
     ComputeBackend::new(context).expect("the backend can be made")
 }
 
-fn agrees(name: &str) {
-    let Some(gpu) = support::gpu() else { return };
-    let reference = Reference::new(name);
-    let drawn = srgb(&draw(&mut compute(&gpu), &scene(name, Shading::Riemannian)));
-    match reference.judge(&drawn) {
-        Ok(share) => println!("{name}: {:.4} % of the pixels differ, all on outlines", 100.0 * share),
-        Err(why) => panic!("{name}: {why}"),
+/// Smallest share of pixels whose 8-bit values are equal in rt and compute on one driver. Traversals round differently,
+/// so within a rounding of an outline they may select another primitive; everything else is the same code.
+const EXACT_SHARE: f64 = 0.9999;
+
+/// Why the pictures are not equal, or the share of pixels that differ.
+fn judge_exactly(a: &[[i32; 3]], b: &[[i32; 3]]) -> Result<f64, String> {
+    let differing = a.iter().zip(b).filter(|(a, b)| a != b).count();
+    let share = differing as f64 / a.len() as f64;
+    if share <= 1.0 - EXACT_SHARE && a.len() == b.len() {
+        Ok(share)
+    } else {
+        Err(format!("{differing} of {} pixels are not equal", a.len()))
     }
+}
+
+fn agrees(name: &str) {
+    let reference = Reference::new(name);
+    let scene = scene(name, Shading::Riemannian);
+    let judge = |what: &str, drawn: &[[i32; 3]]| match reference.judge(drawn) {
+        Ok(share) => {
+            println!("{name}: {what} against cpu: {:.4} % of the pixels differ, all on outlines", 100.0 * share)
+        }
+        Err(why) => panic!("{name}: {what}: {why}"),
+    };
+    if let Some(gpu) = support::gpu() {
+        judge("compute", &srgb(&draw(&mut compute(&gpu), &scene)));
+    }
+    if let Some(gpu) = support::rt_gpu() {
+        let traced = srgb(&draw(&mut RtBackend::new(&gpu).expect("the backend can be made"), &scene));
+        judge("rt", &traced);
+        let computed = srgb(&draw(&mut compute(&gpu), &scene));
+        match judge_exactly(&traced, &computed) {
+            Ok(share) => println!("{name}: rt against compute: {:.4} % of the pixels are not equal", 100.0 * share),
+            Err(why) => panic!("{name}: rt against compute: {why}"),
+        }
+    }
+}
+
+/// The recursive variant draws the same picture, bit for bit, and is refused where the device's recursion is too shallow.
+#[test]
+fn agree_recursive_variant() {
+    let Some(gpu) = support::rt_gpu() else { return };
+    let mut scene = scene("poincare", Shading::Riemannian);
+    let mut recursive = RtBackend::with_options(&gpu, RtOptions { recursive: true }).expect("the backend can be made");
+    let limit = gpu.info().rt().recursion_depth;
+    if limit > 8 {
+        scene.settings.bounces = 7;
+        let looped = draw(&mut RtBackend::new(&gpu).expect("the backend can be made"), &scene);
+        let drawn = draw(&mut recursive, &scene);
+        let differing = looped.pixels.iter().zip(&drawn.pixels).filter(|(a, b)| a != b).count();
+        assert_eq!(differing, 0, "the recursive variant draws other pixels");
+        assert!(looped.pixels.iter().any(|p| p[0] != looped.pixels[0][0]));
+    }
+    scene.settings.bounces = limit;
+    let plan = Plan::new(&scene, false);
+    let world = Arc::new(World::new(&scene, &plan, scene.observer.frame).expect("shipped scenes fit"));
+    let error = recursive.load(&world).expect_err("one level too many").to_string();
+    let expected = format!("recursion to depth {} is needed, but {} traces to", limit + 1, gpu.info().name);
+    assert!(error.starts_with(&expected), "{error}");
 }
 
 #[test]
@@ -146,6 +205,20 @@ fn agree_mirrored_dodecahedron() {
 #[test]
 fn agree_alpha_mask() {
     agrees("leaves");
+}
+
+#[test]
+fn agree_many_triangles() {
+    agrees("knot");
+}
+
+/// Every shipped scene is compared by one of the tests above.
+#[test]
+fn agree_covers_all_shipped_scenes() {
+    let here = include_str!("agree.rs");
+    for name in holonomy::scene::shipped::names() {
+        assert!(here.contains(&format!("agrees({name:?})")), "{name} is not compared");
+    }
 }
 
 /// Raw values agree too: within rounding where both hit the same thing.
@@ -182,9 +255,12 @@ fn agree_spoiled_pictures_are_caught() {
         ("shifted by a pixel", |_, p| p.rotate_left(1)),
         ("a black tile", |_, p| (0..32 * 32).for_each(|i| p[(200 + i / 32) * 512 + 200 + i % 32] = [0; 3])),
     ];
+    assert_eq!(judge_exactly(&good, &good), Ok(0.0));
     for (what, spoil) in spoils {
         let mut spoiled = good.clone();
         spoil(inside, &mut spoiled);
         assert!(reference.judge(&spoiled).is_err(), "{what}: not caught");
+        // A single pixel is within what the other comparison permits.
+        assert!(what.starts_with("one pixel") || judge_exactly(&good, &spoiled).is_err(), "{what}: not caught");
     }
 }

@@ -12,12 +12,14 @@
 //! - `laws`: what every geometry must satisfy.
 //! - `plan`: what scenes leave out; no device.
 //! - `polyhedra`, `spaces`: cells, the catalogue, and the proof that a gluing closes, against reference data.
+//! - `rt`: acceleration structures, moving objects, the pipeline cache, faults of the ray tracing backend.
 //! - `shaders`: layout of shared structures in the compiled modules.
 //! - `transport`: geodesics through the faces against the unfolded ones.
 //! - `twins`: each function of the shaders' geometries against its Rust twin, on the device.
 //! - `vulkan`: devices, probe, compute backend, faults, and that validation is silent.
 //!
-//! `support` holds what modules share, `big` numbers of 192 bits. Tests of a device take it through `support::gpu`.
+//! `support` holds what modules share, `big` numbers of 192 bits. Tests of a device take it through `support::gpu` or
+//! `support::rt_gpu`.
 
 mod agree;
 mod architecture;
@@ -31,6 +33,7 @@ mod gluing;
 mod laws;
 mod plan;
 mod polyhedra;
+mod rt;
 mod scene;
 mod shaders;
 mod spaces;

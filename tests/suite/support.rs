@@ -1,6 +1,6 @@
 //! What tests of several modules share: the device, taken by one test at a time, and counted skips.
 
-use holonomy::vulkan::{Context, ContextOptions, Validation, VulkanError};
+use holonomy::vulkan::{self, Context, ContextOptions, DeviceInfo, Tier, Validation, VulkanError};
 use serde_json::Value;
 use std::{
     env,
@@ -13,7 +13,7 @@ use std::{
     },
 };
 
-/// Comma list of what must not be skipped: `compute`, `validation`.
+/// Comma list of what must not be skipped: `compute`, `rt`, `validation`.
 const REQUIRE: &str = "HOLONOMY_REQUIRE";
 
 static TURN: Mutex<()> = Mutex::new(());
@@ -43,14 +43,27 @@ impl Drop for Gpu {
     }
 }
 
-/// The device with validation, or none where there is no device: then the test is skipped.
+/// The device for compute with validation, or none where there is no device: then the test is skipped. Among equals the
+/// one that cannot trace rays, so that the tests cover the drivers that have nothing but compute.
 ///
 /// # Panics
 /// If the device is there and fails.
 pub fn gpu() -> Option<Gpu> {
     static CONTEXT: OnceLock<Result<Arc<Context>, VulkanError>> = OnceLock::new();
-    let turn = turn();
-    match CONTEXT.get_or_init(|| Context::new(&options()?)) {
+    take("compute", turn(), CONTEXT.get_or_init(|| Context::new(&options(Tier::Compute)?)))
+}
+
+/// The device for ray tracing, opened for it, in the same way.
+///
+/// # Panics
+/// If the device is there and fails.
+pub fn rt_gpu() -> Option<Gpu> {
+    static CONTEXT: OnceLock<Result<Arc<Context>, VulkanError>> = OnceLock::new();
+    take("rt", turn(), CONTEXT.get_or_init(|| Context::new(&options(Tier::Rt)?)))
+}
+
+fn take(what: &str, turn: MutexGuard<'static, ()>, context: &Result<Arc<Context>, VulkanError>) -> Option<Gpu> {
+    match context {
         Ok(context) => Some(Gpu { context: context.clone(), _turn: turn }),
         Err(
             reason @ (VulkanError::NoLoader(_)
@@ -58,7 +71,7 @@ pub fn gpu() -> Option<Gpu> {
             | VulkanError::NoDevice
             | VulkanError::Lacking { .. }),
         ) => {
-            skip("compute", &reason.to_string());
+            skip(what, &reason.to_string());
             None
         }
         // A failing driver or a mistyped variable is no reason to skip.
@@ -70,22 +83,33 @@ pub fn gpu() -> Option<Gpu> {
 /// messages of the options.
 pub fn gpu_turn() -> Option<(MutexGuard<'static, ()>, ContextOptions)> {
     gpu()?;
-    options().ok().map(|options| (turn(), options))
+    options(Tier::Compute).ok().map(|options| (turn(), options))
+}
+
+/// The same for ray tracing.
+pub fn rt_turn() -> Option<(MutexGuard<'static, ()>, ContextOptions)> {
+    rt_gpu()?;
+    options(Tier::Rt).ok().map(|options| (turn(), options))
 }
 
 fn turn() -> MutexGuard<'static, ()> {
     TURN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The device of the environment, with as much validation as there is.
-fn options() -> Result<ContextOptions, VulkanError> {
-    let mut options = ContextOptions::from_env()?;
+/// The device of the environment, else the best for the tier, with as much validation as there is.
+fn options(tier: Tier) -> Result<ContextOptions, VulkanError> {
+    let mut options = ContextOptions { tier, cache_folder: None, ..ContextOptions::from_env()? };
     if options.validation == Validation::Off {
         options.validation = Validation::Sync;
     }
     if let Err(error @ VulkanError::NoValidation(_)) = holonomy::vulkan::devices(&options) {
         skip("validation", &error.to_string());
         options.validation = Validation::Off;
+    }
+    if options.device.is_none() {
+        let place = |device: &DeviceInfo| (device.rank(tier), tier == Tier::Compute && device.can(Tier::Rt));
+        let best = vulkan::devices(&options)?.into_iter().min_by_key(place);
+        options.device = best.map(|device| device.index.to_string());
     }
     Ok(options)
 }

@@ -8,21 +8,18 @@ use holonomy::{
     geometry::{GEOMETRIES, Geodesic, Geometry, GeometryId, Isometry, Visitor, exponential, visit},
     render::{
         Backend, RenderError, Shot, Target,
-        compute::{
-            ComputeBackend,
-            probe::Probe,
-            tiles::{Bands, Pace, Tiles},
-        },
+        compute::{ComputeBackend, probe::Probe},
         cpu::CpuBackend,
-        plan::{Decision, Feature, Plan},
-        world::{World, WorldCell},
+        device::tiles::{Bands, Pace, Tiles},
+        plan::Plan,
+        world::World,
     },
     scene::{
         Material, Mesh, Object, Observer, Place, PointLight, Scene, Settings, Shading, Shape, Spot, Texture, Vertex,
         Wrap,
     },
     shader_io::{self as io, ProbeIn, ProbeOut},
-    space::{domain::Domain, observer::Frame},
+    space::observer::Frame,
     vulkan::{Context, ContextOptions, Validation, VulkanError, command::SUBMIT_TIME_OUT, fault::FaultInjection},
 };
 use std::{
@@ -149,34 +146,17 @@ fn probe_applies_an_isometry() {
 
 // --- the backend -----------------------------------------------------------------------------------------
 
-/// Euclidean space with nothing in it, and its background as the picture.
+/// A flat torus with nothing in it, and its background as the picture.
 fn empty_world(count: bool) -> Arc<World> {
-    let decide = |(_, feature): &(_, Feature)| Decision {
-        feature: *feature,
-        needed: count && *feature == Feature::Counters,
-        kept: false,
-        reason: "",
-    };
-    Arc::new(World {
-        geometry: GeometryId::E3,
-        plan: Plan { decisions: Feature::NAMES.iter().map(decide).collect(), shading: Shading::Riemannian, faces: 0 },
-        settings: Settings { background: BACKGROUND, ..Settings::default() },
-        domain: Domain { faces: Vec::new(), cells: std::iter::once(0..0).collect(), labels: Vec::new() },
-        cells: vec![WorldCell { tree: None, lights: 0..0 }],
-        nodes: Vec::new(),
-        primitives: Vec::new(),
-        triangles: Vec::new(),
-        triangle_shading: Vec::new(),
-        quadrics: Vec::new(),
-        materials: Vec::new(),
-        textures: Vec::new(),
-        lights: Vec::new(),
-    })
+    let mut scene = rich_scene("torus");
+    (scene.objects, scene.lights) = (Vec::new(), Vec::new());
+    let plan = Plan::new(&scene, count);
+    Arc::new(World::new(&scene, &plan, scene.observer.frame).expect("an empty world"))
 }
 
 const BACKGROUND: [f32; 3] = [0.25, 0.5, 0.75];
 
-fn shot(size: [u32; 2], samples: u32) -> Shot {
+pub fn shot(size: [u32; 2], samples: u32) -> Shot {
     let eye = Frame { cell: 0, point: DVec4::W, axes: [DVec4::X, DVec4::Y, DVec4::Z] };
     Shot { samples, ..Shot::symmetric(eye, 60.0, size) }
 }
@@ -273,13 +253,15 @@ fn compute_bands_make_the_same_picture() {
 fn compute_refuses_what_the_device_cannot_bind() {
     let Some((_turn, options)) = gpu_turn() else { return };
     let context = Context::new(&ContextOptions { max_storage_range: Some(4000), ..options }).expect("a context");
-    let mut world = Arc::unwrap_or_clone(empty_world(false));
-    world.primitives = vec![0; 1001];
+    let mut scene = rich_scene("torus");
+    scene.textures[0].texels.resize(32 * 32, [half::f16::ONE; 4]);
+    (scene.textures[0].width, scene.textures[0].height) = (32, 32);
+    let world = World::new(&scene, &Plan::new(&scene, false), scene.observer.frame).expect("a world");
     let mut backend = ComputeBackend::new(&context).expect("a backend");
     let before = context.memory_in_use();
     let error = backend.load(&Arc::new(world)).expect_err("too large").to_string();
     let device = &context.info().name;
-    assert_eq!(error, format!("primitives takes 4004 bytes, but {device} binds at most 4000"));
+    assert_eq!(error, format!("texels takes 8192 bytes, but {device} binds at most 4000"));
     assert_eq!(context.memory_in_use(), before);
 }
 
@@ -468,7 +450,7 @@ fn errors_name_the_thing_and_the_limits() {
 
 /// A scene with something of everything that is packed for the device: mesh with texture and mask, ball, tube,
 /// point light and spot, in a space that is glued to itself.
-fn rich_scene(space: &str) -> Scene {
+pub fn rich_scene(space: &str) -> Scene {
     let space = holonomy::space::catalogue::find(space).expect("a space of the catalogue");
     let geometry = space.geometry;
     struct At(DVec3);
@@ -500,8 +482,14 @@ fn rich_scene(space: &str) -> Scene {
         wrap: [Wrap::Mirror, Wrap::Repeat],
     };
     let masked = Material { base_texture: Some(0), alpha_cutoff: Some(0.5), ..Material::plain("masked", [1.0; 3]) };
-    let object =
-        |name: &str, shape, place, material| Object { name: name.to_owned(), shape, place, scale: 1.0, material };
+    let object = |name: &str, shape, place, material| Object {
+        name: name.to_owned(),
+        shape,
+        place,
+        scale: 1.0,
+        material,
+        motion: None,
+    };
     let light = |place: Frame, spot: Option<Spot>| PointLight {
         cell: 0,
         point: place.point,

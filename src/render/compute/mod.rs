@@ -37,12 +37,7 @@ impl Tracer for Compute {
     const UNCOUNTED: &'static [u32] = &[];
     type Options = ();
 
-    fn load(
-        device: &mut Device,
-        world: &World,
-        (): (),
-        last: Option<Self>,
-    ) -> Result<(Self, Vec<Bound>), RenderError> {
+    fn load(device: &mut Device, world: &World, (): (), last: Option<Self>) -> Result<(Self, Vec<Bound>), RenderError> {
         let hierarchy = world.hierarchy();
         let cells = pack::cells(world, &hierarchy.trees);
         let (mut triangles, mut quadrics, mut quadric_shading) = Default::default();

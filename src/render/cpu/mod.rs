@@ -81,6 +81,9 @@ impl Visitor for Render<'_> {
         let start = Instant::now();
         let tracer = Tracer::new(geometry, world, shot);
         let [width, height] = shot.size;
+        if [target.width, target.height] != shot.size {
+            *target = Target::new(shot.size);
+        }
         let offsets: Vec<[f64; 2]> = (0..shot.samples).map(|sample| shot.sample_offset(sample)).collect();
         let tiles: Vec<[u32; 2]> = (0..height.div_ceil(TILE))
             .flat_map(|y| (0..width.div_ceil(TILE)).map(move |x| [x * TILE, y * TILE]))

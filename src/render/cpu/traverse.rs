@@ -121,7 +121,9 @@ impl<'a, G: Geometry> Tracer<'a, G> {
             } else {
                 self.count(counts, COUNT_TRIANGLES);
                 let (s, weights) = triangle_hit(segment, self.meshes.triangles[reference as usize]);
-                let hole = self.uses.alpha_mask && s < *s_end && is_hole(self.world, &self.meshes.shading[reference as usize], weights);
+                let hole = self.uses.alpha_mask
+                    && s < *s_end
+                    && is_hole(self.world, &self.meshes.shading[reference as usize], weights);
                 if hole { NO_HIT } else { s }
             };
             if s < *s_end {

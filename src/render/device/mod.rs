@@ -132,12 +132,8 @@ pub trait Tracer: Debug + Sized {
     ///
     /// # Errors
     /// Objects of another device.
-    fn trace<'a>(
-        &'a self,
-        recorder: &mut Recorder<'a>,
-        set: &'a BufferSet,
-        tile: &Dispatch,
-    ) -> Result<(), VulkanError>;
+    fn trace<'a>(&'a self, recorder: &mut Recorder<'a>, set: &'a BufferSet, tile: &Dispatch)
+    -> Result<(), VulkanError>;
 
     /// Bytes of what it holds besides the bound buffers.
     fn memory(&self) -> u64 {

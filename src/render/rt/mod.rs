@@ -37,7 +37,7 @@ use crate::{
         },
     },
 };
-use scene::RtScene;
+use scene::{Built, RtScene};
 use std::sync::Arc;
 
 /// Draws on a Vulkan device with ray tracing pipelines.
@@ -145,7 +145,7 @@ impl Tracer for Rt {
             Some(last) => last.pipeline,
             None => Self::pipeline(&device.context, world, &variant)?,
         };
-        let (scene, bound, records) = RtScene::new(device, world)?;
+        let Built { scene, bound, records } = RtScene::build(device, world)?;
         let table = ShaderTable::new(&device.context, &mut device.submitter, &pipeline, &records)?;
         Ok((Self { pipeline, variant, table, scene }, bound))
     }

@@ -197,8 +197,11 @@ impl MovingMeshes {
     /// Refits the structures of the copies, and builds those of copies that are the first in their slots.
     fn build(&mut self, device: &mut Device, stats: &mut StructureStats) -> Result<(), VulkanError> {
         let used = |mesh: &MovingMesh| mesh.cells.len();
-        let refitted: Vec<&BottomLevel> =
-            self.meshes.iter().flat_map(|mesh| mesh.slots[..used(mesh)].iter().filter_map(|s| s.structure.as_ref())).collect();
+        let refitted: Vec<&BottomLevel> = self
+            .meshes
+            .iter()
+            .flat_map(|mesh| mesh.slots[..used(mesh)].iter().filter_map(|s| s.structure.as_ref()))
+            .collect();
         stats.refits += refitted.len() as u64;
         if !refitted.is_empty() {
             device.submitter.submit("refit moving meshes", |r| r.refit(refitted.iter().copied()))?;

@@ -53,6 +53,17 @@ pub struct RtScene {
     stats: StructureStats,
 }
 
+/// What a world brings to the device.
+#[derive(Debug)]
+pub struct Built {
+    /// None if there is nothing to hit.
+    pub scene: Option<RtScene>,
+    /// Buffers that the shaders read.
+    pub bound: Vec<Bound>,
+    /// Hit records, by which instances name their geometries.
+    pub records: Vec<Record<HitRecord>>,
+}
+
 /// Meshes that rest.
 #[derive(Debug, Default)]
 struct Still {
@@ -85,18 +96,15 @@ struct Quadrics {
 }
 
 impl RtScene {
-    /// Builds everything. Returns the bound buffers and the hit records besides; no scene if there is nothing to hit.
+    /// Builds everything.
     ///
     /// # Errors
     /// Driver failures; worlds beyond the device's limits.
-    pub fn new(
-        device: &mut Device,
-        world: &World,
-    ) -> Result<(Option<Self>, Vec<Bound>, Vec<Record<HitRecord>>), RenderError> {
+    pub fn build(device: &mut Device, world: &World) -> Result<Built, RenderError> {
         let mut records = Vec::new();
         let mut bound = device.upload(&[(binding::cells, "cells", cast_slice(&pack::cells(world, &[])))])?;
         if !world.plan.uses(Feature::Meshes) && !world.plan.uses(Feature::Quadrics) {
-            return Ok((None, bound, records));
+            return Ok(Built { scene: None, bound, records });
         }
         let mut stats = StructureStats::default();
         let mut still = Still::default();
@@ -128,7 +136,7 @@ impl RtScene {
         let mut scene = Self { still, quadrics, moving, tops, stats };
         scene.moving.pose(device, world, &mut scene.stats)?;
         scene.build_tops(device)?;
-        Ok((Some(scene), bound, records))
+        Ok(Built { scene: Some(scene), bound, records })
     }
 
     /// Moves what moves; `false` if there is no room for it.

@@ -220,11 +220,13 @@ impl<'a, G: Geometry> Builder<'a, G> {
         let key = (mesh, object.scale.to_bits());
         for copy in copies(geometry, &self.domain, frame.cell, &corners, &object.name)? {
             let image_of = match self.first_copies.get(&key) {
-                Some((first, isometry, index)) => carry(geometry, first.axes_at(), frame.axes_at()).and_then(|carried| {
-                    let here = geometry.compose(&copy.isometry, &carried);
-                    let relative = geometry.compose(&here, &geometry.inverse(isometry));
-                    Some((*index, geometry.chart_action(&relative)?))
-                }),
+                Some((first, isometry, index)) => {
+                    carry(geometry, first.axes_at(), frame.axes_at()).and_then(|carried| {
+                        let here = geometry.compose(&copy.isometry, &carried);
+                        let relative = geometry.compose(&here, &geometry.inverse(isometry));
+                        Some((*index, geometry.chart_action(&relative)?))
+                    })
+                }
                 None => {
                     self.first_copies.insert(key, (frame, copy.isometry, self.meshes.copies.len()));
                     None

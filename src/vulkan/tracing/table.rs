@@ -71,11 +71,8 @@ impl ShaderTable {
         // A raygen record is a part of its own, so it also keeps the distance of parts.
         let raygen = Section { offset: 0, stride: stride(0).next_multiple_of(base), count: 1 };
         let misses: Vec<&[u8]> = pipeline.miss_handles().collect();
-        let miss = Section {
-            offset: raygen.end().next_multiple_of(base),
-            stride: stride(0),
-            count: misses.len() as u64,
-        };
+        let miss =
+            Section { offset: raygen.end().next_multiple_of(base), stride: stride(0), count: misses.len() as u64 };
         let hit = Section {
             offset: miss.end().next_multiple_of(base),
             stride: stride(size_of::<T>()),
@@ -109,12 +106,7 @@ impl ShaderTable {
         let usage = vk::BufferUsageFlags::SHADER_BINDING_TABLE_KHR | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS;
         let buffer = Buffer::from_slice_for(context, submitter, "shader binding table", &bytes, usage, base)?;
         let address = buffer.address();
-        Ok(Self {
-            raygen: raygen.region(address),
-            miss: miss.region(address),
-            hit: hit.region(address),
-            buffer,
-        })
+        Ok(Self { raygen: raygen.region(address), miss: miss.region(address), hit: hit.region(address), buffer })
     }
 
     /// Its size in bytes.

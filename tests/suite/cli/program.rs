@@ -83,7 +83,8 @@ impl Place {
     /// The program, about to run here.
     pub fn command(&self, args: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_holonomy"));
-        command.args(args).current_dir(self.path()).env_remove("HOLONOMY_VALIDATION").stdin(Stdio::null());
+        command.args(args).current_dir(self.path()).stdin(Stdio::null());
+        command.env_remove("HOLONOMY_VALIDATION").env("HOLONOMY_CACHE", "off");
         command
     }
 
