@@ -223,7 +223,7 @@ fn rt_moving_objects_are_refitted() {
             world = next;
             backend.pose(&world).expect("a pose");
             let (target, stats) = draw(&mut backend, &shot);
-            let now = (structures(&stats), gpu.memory_in_use());
+            let now = (structures(&stats), stats.memory);
             if frame == frames / 3 {
                 after_round = Some(now);
             }
@@ -240,7 +240,8 @@ fn rt_moving_objects_are_refitted() {
             }
         }
         assert!(pictures.windows(2).all(|pair| differing(&pair[0], &pair[1], 0.02) > 0.001), "{space}: nothing moves");
-        let (last, memory) = (structures(&draw(&mut backend, &shot).1), gpu.memory_in_use());
+        let (_, stats) = draw(&mut backend, &shot);
+        let (last, memory) = (structures(&stats), stats.memory);
         let (third, memory_then) = after_round.expect("a third");
         println!("{space}: {frames} frames, {} refits, {} builds", last.refits, last.builds);
         assert!(last.refits >= u64::from(frames), "{last:?}");
