@@ -2,12 +2,14 @@
 //!
 //! | table | keys |
 //! | --- | --- |
-//! | `[space]` | `manifold` (a name from the catalogue) or `gluing` (a file) |
+//! | `[space]` | `manifold` (a name from the catalogue), `gluing` (a file) or `geometry` (the whole of it) |
 //! | `[observer]` | `position`, `cell`, `look`, `up`, `fov` (vertical, degrees), `eye-distance` |
 //! | `[[light]]` | `kind` (`point` or `viewer`), `color`, `intensity`, and for points `position`, `cell`, `range`, `shadows`, `direction` with `angle` (degrees from the axis of the cone to its edge) |
 //! | `[[material]]` | `name`, `color`, `metallic`, `roughness`, `emission`, `alpha-cutoff`, `texture`, `surface-texture` |
 //! | `[[object]]` | `kind` (`mesh`, `tube`, `ball` or `domain-edges`), `name`, `file`, `scale`, `radius`, `length`, `material`; `attach = "world"`: `position`, `cell` and `frame`, `look` with `up`, or `rotate`; `attach = "viewer"`: `offset`, `rotate` |
 //! | `[render]` | `bounces`, `max-distance`, `fog`, `background`, `ambient`, `shading`, `tolerance` |
+//!
+//! A whole geometry without end is seen up to `max-distance`, 8 if it is not given.
 //!
 //! Points have the geometry's own components; vectors have these or three components in the geometry's standard
 //! frame at their point. `look` is where an observer looks, and the third axis (`z`) of an object. Colours are
@@ -22,7 +24,10 @@ use super::{
     shipped,
     texture::{Encoding, decode, texels},
 };
-use crate::space::{Space, catalogue, gluing};
+use crate::{
+    geometry::{GEOMETRIES, GeometryId},
+    space::{Space, catalogue, gluing, polyhedron::Polyhedron},
+};
 use std::{
     fs::File,
     io::{self, Read},
@@ -34,6 +39,10 @@ pub use super::reader::SceneError;
 
 /// Largest scene file, in bytes.
 const MAX_SCENE_SIZE: u64 = 1 << 24;
+
+/// How far one sees in a space without end, unless the scene says otherwise: as far as numbers of 32 bits name points
+/// in hyperbolic space.
+const WHOLE_DISTANCE: f64 = 8.0;
 
 /// Colours of lights, and numbers that multiply them.
 const BRIGHT: Bounds = Bounds::closed(0.0, 1e6);
@@ -62,13 +71,16 @@ pub fn load(name_or_path: &str) -> Result<Scene, SceneError> {
     read(name_or_path, &bytes, &Folder::of(path).map_err(io)?)
 }
 
-/// The space that a name means: of the catalogue, of a gluing file (`.json`), or of a scene as [`load`] finds it.
+/// The space that a name means: of the catalogue, a whole geometry, of a gluing file (`.json`), or of a scene as [`load`] finds it.
 ///
 /// # Errors
 /// As [`load`].
 pub fn load_space(name_or_path: &str) -> Result<Space, SceneError> {
     if let Some(space) = catalogue::find(name_or_path) {
         return Ok(space);
+    }
+    if let Some(geometry) = GeometryId::from_name(name_or_path) {
+        return Ok(catalogue::whole(geometry));
     }
     if name_or_path.to_ascii_lowercase().ends_with(".json") {
         return Ok(gluing::read(Path::new(name_or_path))?);
@@ -150,9 +162,10 @@ fn space(mut table: Table, folder: &Folder) -> Result<Space, SceneError> {
             gluing::read(&path).map_err(|e| value.error(e))?
         }
         (None, None, Some(value)) => {
-            return Err(value.error("whole model geometries are not available yet: give \"manifold\" or \"gluing\""));
+            let names: Vec<_> = GEOMETRIES.iter().map(|entry| (entry.name, entry.id)).collect();
+            catalogue::whole(value.choice(&names)?)
         }
-        (None, None, None) => return Err(table.error("[space] needs \"manifold\" or \"gluing\"")),
+        (None, None, None) => return Err(table.error("[space] needs \"manifold\", \"gluing\" or \"geometry\"")),
         _ => return Err(table.error("[space] takes only one of \"manifold\", \"gluing\" and \"geometry\"")),
     };
     table.finish("in [space]")?;
@@ -201,7 +214,10 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn finish(self, name: &str, observer: Observer) -> Scene {
+    fn finish(mut self, name: &str, observer: Observer) -> Scene {
+        if self.space.cells.iter().any(|cell| matches!(Polyhedron::bounded(cell), Ok(None))) {
+            self.settings.max_distance.get_or_insert(WHOLE_DISTANCE);
+        }
         Scene {
             name: name.to_owned(),
             space: self.space,
