@@ -1,8 +1,9 @@
-//! `holonomy render`: one picture of a scene.
+//! `holonomy render`: a picture of a scene, or a sequence along its camera path.
 
 use super::{
     BackendChoice, Failure, Integrator, Outcome, RenderArgs,
     output::{PendingFile, PictureFormat, encode, picture_format},
+    sequence::{Pattern, check_range, pose},
 };
 use crate::{
     geometry::{Geometry, Visitor, visit},
@@ -13,7 +14,7 @@ use crate::{
         plan::{Feature, Plan},
         world::World,
     },
-    scene::{Scene, file},
+    scene::{Place, Scene, file},
     shader_io as io,
     space::{domain::Domain, observer::Frame, reduce::reduce_frame},
     vulkan::{Context, ContextOptions},
@@ -24,6 +25,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Value, json};
 use std::{
     io::{IsTerminal, Write},
+    ops::Range,
     sync::{Arc, OnceLock},
     time::{Duration, Instant},
 };
@@ -40,42 +42,126 @@ pub(super) fn run(args: &RenderArgs) -> Outcome {
     if raw && args.samples > 1 {
         return Err(Failure::refused(anyhow!("--samples {}: raw values have no meaningful mean, use 1", args.samples)));
     }
+    if let Some(range) = &args.frames {
+        return sequence(args, scene, range.clone(), format);
+    }
     // Nothing is computed whose result could not be written.
     let picture = PendingFile::create(&args.output)?;
     let stats_file = args.stats.as_deref().map(PendingFile::create).transpose()?;
 
-    let plan = Plan::new(&scene, stats_file.is_some()).keep(&args.keep);
-    let (mut backend, reason) = backend_for(args.backend, &plan)?;
-    let world = Arc::new(World::new(&scene, &plan, scene.observer.frame).map_err(Failure::refused)?);
+    let mut session = Session::new(args, &scene, stats_file.is_some())?;
     let loading = Instant::now();
-    backend.load(&world).map_err(render_failure)?;
+    session.load()?;
     let load_time = loading.elapsed();
-    // Only now that nothing can be refused any more, so that a refusal is the only line. A closed stderr is no reason
-    // to stop.
-    let _ = writeln!(std::io::stderr(), "{reason}");
-
-    let eyes = if args.stereo { stereo_eyes(&scene)? } else { vec![scene.observer.frame] };
-    let mut target = Target::new([args.size[0] * eyes.len() as u32, args.size[1]]);
-    let mut sum = Stats::default();
+    session.say();
     let progress = Progress::new();
-    for (index, eye) in eyes.iter().enumerate() {
-        let shot =
-            Shot { samples: args.samples, seed: args.seed, ..Shot::symmetric(*eye, scene.observer.fov, args.size) };
-        let mut view = Target::new(args.size);
-        let share = |done: f64| progress.set((index as f64 + done) / eyes.len() as f64);
-        let stats = backend.render(&shot, &mut view, &share).map_err(render_failure)?;
-        add(&mut sum, &stats);
-        paste(&mut target, &view, args.size[0] * index as u32);
-    }
+    let (target, sum) = session.draw(args, &scene, &|share| progress.set(share))?;
     progress.finish();
 
     if let Some(file) = stats_file {
         let times = Times { prepare: loading - started, load: load_time };
-        let value = stats_json(args, &scene, &*backend, &plan, &world, &sum, eyes.len(), &times);
+        let value = stats_json(args, &scene, &session, &sum, &times);
         let text = serde_json::to_string_pretty(&value).map_err(Failure::failed)?;
         file.finish(text.as_bytes())?;
     }
     picture.finish(&encode(&target, format, raw && format == PictureFormat::Png)?)
+}
+
+/// Draws pictures of the scene's camera path. Those that are there already are complete, since files get their names
+/// last, and are left.
+fn sequence(args: &RenderArgs, scene: Scene, range: Range<u32>, format: PictureFormat) -> Outcome {
+    let pattern = Pattern::new(&args.output)?;
+    check_range(&scene, &range)?;
+    let missing: Vec<u32> = range.clone().filter(|number| !pattern.path(*number).is_file()).collect();
+    let raw = scene.settings.shading.is_raw() && format == PictureFormat::Png;
+    let mut session: Option<Session> = None;
+    let progress = Progress::new();
+    for (index, &number) in missing.iter().enumerate() {
+        let file = PendingFile::create(&pattern.path(number))?;
+        let mut seen = scene.clone();
+        seen.observer.frame = pose(&scene, number)?;
+        let session = match &mut session {
+            Some(session) => {
+                session.follow(&seen)?;
+                session
+            }
+            none => {
+                let mut first = Session::new(args, &seen, false)?;
+                first.load()?;
+                first.say();
+                none.insert(first)
+            }
+        };
+        let share = |done: f64| progress.set((index as f64 + done) / missing.len() as f64);
+        let (target, _) = session.draw(args, &seen, &share)?;
+        file.finish(&encode(&target, format, raw)?)?;
+    }
+    progress.finish();
+    let left = range.len() - missing.len();
+    if left > 0 {
+        let _ = writeln!(std::io::stderr(), "{left} of {} pictures were there already", range.len());
+    }
+    Ok(())
+}
+
+/// A backend with what it draws.
+struct Session {
+    backend: Box<dyn Backend>,
+    reason: String,
+    plan: Plan,
+    world: Arc<World>,
+    eyes: usize,
+}
+
+impl Session {
+    fn new(args: &RenderArgs, scene: &Scene, count: bool) -> Result<Self, Failure> {
+        let plan = Plan::new(scene, count).keep(&args.keep);
+        let (backend, reason) = backend_for(args.backend, &plan)?;
+        let world = Arc::new(World::new(scene, &plan, scene.observer.frame).map_err(Failure::refused)?);
+        Ok(Self { backend, reason, plan, world, eyes: if args.stereo { 2 } else { 1 } })
+    }
+
+    fn load(&mut self) -> Outcome {
+        self.backend.load(&self.world).map_err(render_failure)
+    }
+
+    /// Says which backend draws: only now that nothing can be refused any more, so that a refusal is the only line. A
+    /// closed stderr is no reason to stop.
+    fn say(&self) {
+        let _ = writeln!(std::io::stderr(), "{}", self.reason);
+    }
+
+    /// Takes the scene in with its observer elsewhere. The world stays unless it depends on him.
+    fn follow(&mut self, scene: &Scene) -> Outcome {
+        let attached = scene.objects.iter().any(|object| matches!(object.place, Place::Viewer { .. }));
+        if attached || self.plan.uses(Feature::Labels) {
+            self.world = Arc::new(World::new(scene, &self.plan, scene.observer.frame).map_err(Failure::refused)?);
+            return self.load();
+        }
+        Ok(())
+    }
+
+    /// The picture, both eyes side by side if there are two, and what it cost.
+    fn draw(
+        &mut self,
+        args: &RenderArgs,
+        scene: &Scene,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<(Target, Stats), Failure> {
+        let eyes = if args.stereo { stereo_eyes(scene)? } else { vec![scene.observer.frame] };
+        let mut target = Target::new([args.size[0] * eyes.len() as u32, args.size[1]]);
+        let mut sum = Stats::default();
+        for (index, eye) in eyes.iter().enumerate() {
+            let shot =
+                Shot { samples: args.samples, seed: args.seed, ..Shot::symmetric(*eye, scene.observer.fov, args.size) };
+            let mut view = Target::new(args.size);
+            let share = |done: f64| progress((index as f64 + done) / eyes.len() as f64);
+            let stats = self.backend.render(&shot, &mut view, &share).map_err(render_failure)?;
+            add(&mut sum, &stats);
+            paste(&mut target, &view, args.size[0] * index as u32);
+        }
+        Ok((target, sum))
+    }
 }
 
 /// The backend that the user chose, ready for the plan.
@@ -146,17 +232,8 @@ struct Times {
 }
 
 /// The content of the `--stats` file.
-#[allow(clippy::too_many_arguments)]
-fn stats_json(
-    args: &RenderArgs,
-    scene: &Scene,
-    backend: &dyn Backend,
-    plan: &Plan,
-    world: &World,
-    stats: &Stats,
-    eyes: usize,
-    times: &Times,
-) -> Value {
+fn stats_json(args: &RenderArgs, scene: &Scene, session: &Session, stats: &Stats, times: &Times) -> Value {
+    let Session { backend, plan, world, eyes, .. } = session;
     let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
     let count = |index: u32| stats.counts[index as usize];
     let named = [
@@ -171,7 +248,7 @@ fn stats_json(
         ("shadow_segments", io::COUNT_SHADOW_SEGMENTS),
         ("lost", io::COUNT_LOST),
     ];
-    let pixels = f64::from(args.size[0]) * f64::from(args.size[1]) * eyes as f64;
+    let pixels = f64::from(args.size[0]) * f64::from(args.size[1]) * *eyes as f64;
     let counts: serde_json::Map<_, _> = named.iter().map(|(name, i)| ((*name).to_owned(), json!(count(*i)))).collect();
     let per_pixel: serde_json::Map<_, _> =
         named.iter().map(|(name, i)| ((*name).to_owned(), json!(count(*i) as f64 / pixels))).collect();

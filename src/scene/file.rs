@@ -4,10 +4,17 @@
 //! | --- | --- |
 //! | `[space]` | `manifold` (a name from the catalogue), `gluing` (a file) or `geometry` (the whole of it) |
 //! | `[observer]` | `position`, `cell`, `look`, `up`, `fov` (vertical, degrees), `eye-distance` |
+//! | `[[observer.path]]` | a key pose of the camera path: `step` with `rotate`, or `position`, `cell`, `look`, `up`; `frames` |
 //! | `[[light]]` | `kind` (`point` or `viewer`), `color`, `intensity`, and for points `position`, `cell`, `range`, `shadows`, `direction` with `angle` (degrees from the axis of the cone to its edge) |
 //! | `[[material]]` | `name`, `color`, `metallic`, `roughness`, `emission`, `alpha-cutoff`, `texture`, `surface-texture` |
 //! | `[[object]]` | `kind` (`mesh`, `tube`, `ball` or `domain-edges`), `name`, `file`, `scale`, `radius`, `length`, `material`; `attach = "world"`: `position`, `cell` and `frame`, `look` with `up`, or `rotate`; `attach = "viewer"`: `offset`, `rotate` |
 //! | `[render]` | `bounces`, `max-distance`, `fog`, `background`, `ambient`, `shading`, `tolerance` |
+//!
+//! A camera path starts at the observer's own pose and goes from key to key along geodesics, with parallel transport,
+//! setting out gently and coming to rest at each. `step` is where to walk, as right, up and back in the frame of the key
+//! before; it may be longer than the cell, the way leads through the faces. `rotate` turns the frame on the way, as for
+//! objects. `position` gives the pose as for the observer instead: the way is the shortest in the cell of the key before.
+//! `frames` is the number of pictures from the key before to this one (48 if not given); picture 0 is the start.
 //!
 //! A whole geometry without end is seen up to `max-distance`, 8 if it is not given.
 //!
@@ -18,7 +25,7 @@
 use super::{
     MAX_BOUNCES, Material, Mesh, Object, Observer, PointLight, Scene, Settings, Shading, Spot, Texture, Wrap,
     folder::Folder,
-    objects,
+    objects, path,
     places::Local,
     reader::{Bounds, Source, Table, Value, suggestion},
     shipped,
@@ -26,7 +33,7 @@ use super::{
 };
 use crate::{
     geometry::{GEOMETRIES, GeometryId},
-    space::{Space, catalogue, gluing, polyhedron::Polyhedron},
+    space::{Space, catalogue, gluing, observer::Leg, polyhedron::Polyhedron},
 };
 use std::{
     fs::File,
@@ -129,12 +136,12 @@ pub fn read(name: &str, bytes: &[u8], folder: &Folder) -> Result<Scene, SceneErr
     for table in all(&mut root, "object", "[[object]]", objects::KEYS)? {
         objects::read(table, &mut builder)?;
     }
-    let observer = match root.take("observer") {
+    let (observer, path) = match root.take("observer") {
         Some(value) => builder.observer(value.table("[observer]", OBSERVER_KEYS)?)?,
-        None => builder.default_observer(),
+        None => (builder.default_observer(), Vec::new()),
     };
     root.finish("in a scene")?;
-    Ok(builder.finish(name, observer))
+    Ok(builder.finish(name, observer, path))
 }
 
 fn all<'a>(
@@ -172,7 +179,7 @@ fn space(mut table: Table, folder: &Folder) -> Result<Space, SceneError> {
     Ok(space)
 }
 
-const OBSERVER_KEYS: &[&str] = &["position", "cell", "look", "up", "fov", "eye-distance"];
+const OBSERVER_KEYS: &[&str] = &["position", "cell", "look", "up", "fov", "eye-distance", "path"];
 const LIGHT_KEYS: &[&str] =
     &["kind", "position", "cell", "color", "intensity", "range", "shadows", "direction", "angle"];
 const MATERIAL_KEYS: &[&str] =
@@ -214,7 +221,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn finish(mut self, name: &str, observer: Observer) -> Scene {
+    fn finish(mut self, name: &str, observer: Observer, path: Vec<Leg>) -> Scene {
         if self.space.cells.iter().any(|cell| matches!(Polyhedron::bounded(cell), Ok(None))) {
             self.settings.max_distance.get_or_insert(WHOLE_DISTANCE);
         }
@@ -222,6 +229,7 @@ impl<'a> Builder<'a> {
             name: name.to_owned(),
             space: self.space,
             observer,
+            path,
             lights: self.lights,
             materials: self.materials,
             textures: self.textures,
@@ -236,7 +244,7 @@ impl<'a> Builder<'a> {
         Observer { frame: Local::base(&self.space, 0).frame(glam::DMat3::IDENTITY), fov: 70.0, eye_distance: 0.03 }
     }
 
-    fn observer(&self, mut table: Table) -> Result<Observer, SceneError> {
+    fn observer(&self, mut table: Table) -> Result<(Observer, Vec<Leg>), SceneError> {
         let local = Local::read(&mut table, &self.space)?;
         let look = table.take("look").map_or(Ok(glam::DVec3::NEG_Z), |value| local.direction(&value))?;
         // The third axis points back, and back = −look: the same rule as for objects.
@@ -246,8 +254,11 @@ impl<'a> Builder<'a> {
         let eye_distance = table.take("eye-distance");
         let eye_distance =
             eye_distance.map_or(Ok(default.eye_distance), |value| value.number(Bounds::closed(0.0, 10.0)))?;
+        let keys = table.take("path");
         table.finish("in [observer]")?;
-        Ok(Observer { frame: local.frame(axes), fov, eye_distance })
+        let frame = local.frame(axes);
+        let keys = keys.map_or(Ok(Vec::new()), |value| value.tables("[[observer.path]]", path::KEYS))?;
+        Ok((Observer { frame, fov, eye_distance }, path::read(keys, &self.space, frame)?))
     }
 
     fn light(&mut self, mut table: Table) -> Result<(), SceneError> {

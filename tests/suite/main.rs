@@ -11,6 +11,7 @@
 //! - `gluing`: gluing files and Dirichlet domains.
 //! - `gltf`, `scene`: what is read, and what is refused with which words.
 //! - `laws`: what every geometry must satisfy.
+//! - `observer`: walks through the faces, what closed loops pick up, camera paths.
 //! - `plan`: what scenes leave out; no device.
 //! - `polyhedra`, `spaces`: cells, the catalogue, and the proof that a gluing closes, against reference data.
 //! - `shaders`: layout of shared structures in the compiled modules.
@@ -31,6 +32,7 @@ mod geodesic;
 mod gltf;
 mod gluing;
 mod laws;
+mod observer;
 mod plan;
 mod polyhedra;
 mod scene;

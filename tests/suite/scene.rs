@@ -70,7 +70,9 @@ fn missing_scenes_are_refused() {
     let message = |name| file::load(name).expect_err("a refusal").to_string();
     assert_eq!(message("no/such.toml"), "no/such.toml: no such file");
     assert_eq!(message("poincar"), "poincar: no such file, and no scene of this name: did you mean \"poincare\"?");
-    assert!(message("zzzzzz").starts_with("zzzzzz: no such file, and no scene of this name: scenes: e3, h3, half-turn, "));
+    assert!(
+        message("zzzzzz").starts_with("zzzzzz: no such file, and no scene of this name: scenes: e3, h3, half-turn, ")
+    );
 }
 
 #[test]
@@ -126,7 +128,7 @@ fn unknown_keys_name_the_nearest() {
     assert_eq!(
         refuse("[observer]\nwhatever = 3\n"),
         "my.toml:4:1: unknown key \"whatever\" in [observer]: \
-         known keys: position, cell, look, up, fov, eye-distance"
+         known keys: position, cell, look, up, fov, eye-distance, path"
     );
     assert_eq!(
         refuse("[[light]]\nkind = \"viewer\"\nposition = [0, 0, 0]\n"),

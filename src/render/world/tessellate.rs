@@ -148,8 +148,9 @@ fn is_unfolded<G: Geometry>(
 fn is_in_reach<G: Geometry>(geometry: G, centre: DVec4, point: DVec4, radius: f64) -> bool {
     let shown = geometry.unchart(geometry.chart(point));
     let in_chart = shown.is_some_and(|p| (p - point).abs().max_element() < 1e-6 * (1.0 + point.abs().max_element()));
-    // NaN compares as "no".
-    in_chart && !(geometry.distance(centre, point) < radius * (1.0 - 1e-4))
+    // A distance that is not a number is not nearer.
+    let is_nearer = geometry.distance(centre, point) < radius * (1.0 - 1e-4);
+    in_chart && !is_nearer
 }
 
 /// Distance in the metric, along the normal, of a chart point from the surface at a point nearby.
