@@ -20,8 +20,8 @@ pub struct Entry {
     pub name: &'static str,
     /// What it is, in a few words.
     pub title: &'static str,
-    /// Its geometry and its cells.
-    build: fn() -> (GeometryId, Vec<Cell>),
+    /// Its geometry and the faces of its cells.
+    build: fn() -> (GeometryId, Vec<Vec<Face>>),
 }
 
 /// All named spaces.
@@ -31,27 +31,27 @@ pub const SPACES: &[Entry] = &[
     Entry {
         name: "half-turn",
         title: "flat manifold, the unit cube with top and bottom glued by a turn of π",
-        build: || (GeometryId::E3, one(flat::prism(4, 2))),
+        build: || (GeometryId::E3, vec![flat::prism(4, 2)]),
     },
     Entry {
         name: "quarter-turn",
         title: "flat manifold, the unit cube with top and bottom glued by a turn of π/2",
-        build: || (GeometryId::E3, one(flat::prism(4, 4))),
+        build: || (GeometryId::E3, vec![flat::prism(4, 4)]),
     },
     Entry {
         name: "third-turn",
         title: "flat manifold, a hexagonal prism with top and bottom glued by a turn of 2π/3",
-        build: || (GeometryId::E3, one(flat::prism(6, 3))),
+        build: || (GeometryId::E3, vec![flat::prism(6, 3)]),
     },
     Entry {
         name: "sixth-turn",
         title: "flat manifold, a hexagonal prism with top and bottom glued by a turn of π/3",
-        build: || (GeometryId::E3, one(flat::prism(6, 6))),
+        build: || (GeometryId::E3, vec![flat::prism(6, 6)]),
     },
     Entry {
         name: "hantzsche-wendt",
         title: "flat manifold, a rhombic dodecahedron glued by half turns about three directions",
-        build: || (GeometryId::E3, one(flat::hantzsche_wendt())),
+        build: || (GeometryId::E3, vec![flat::hantzsche_wendt()]),
     },
     Entry {
         name: "poincare",
@@ -90,6 +90,7 @@ pub const NAMES: &[&str] = &{
 pub fn find(name: &str) -> Option<Space> {
     let entry = SPACES.iter().find(|entry| entry.name == name)?;
     let (geometry, cells) = (entry.build)();
+    let cells = cells.into_iter().map(|faces| Cell { faces }).collect();
     Some(Space { name: entry.name.to_owned(), geometry, cells })
 }
 
@@ -97,26 +98,21 @@ pub fn find(name: &str) -> Option<Space> {
 /// without faces.
 pub fn whole(geometry: GeometryId) -> Space {
     let name = geometry.name();
-    find(name).unwrap_or_else(|| Space { name: name.to_owned(), geometry, cells: one(Vec::new()) })
-}
-
-/// A space of one cell.
-fn one(faces: Vec<Face>) -> Vec<Cell> {
-    vec![Cell { faces }]
+    find(name).unwrap_or_else(|| Space { name: name.to_owned(), geometry, cells: vec![Cell { faces: Vec::new() }] })
 }
 
 /// Unit cube `[0, 1]³`, faces `x = 1, x = 0, y = 1, …`, unit translations.
-fn torus() -> (GeometryId, Vec<Cell>) {
+fn torus() -> (GeometryId, Vec<Vec<Face>>) {
     let faces = (0..6).map(|f| {
         let normal = signed_axis(f);
         let offset = if f.is_multiple_of(2) { -1.0 } else { 0.0 };
         paired(normal.extend(offset), f ^ 1, DMat4::from_translation(-normal))
     });
-    (GeometryId::E3, one(faces.collect()))
+    (GeometryId::E3, vec![faces.collect()])
 }
 
 /// Cube of side 1 about the base point, faces `x = ½, x = −½, y = ½, …`, reflections.
-fn mirrored_cube() -> (GeometryId, Vec<Cell>) {
+fn mirrored_cube() -> (GeometryId, Vec<Vec<Face>>) {
     let faces = (0..6).map(|f| {
         let normal = signed_axis(f);
         // x ↦ x − 2 (n·x − ½) n.
@@ -124,22 +120,22 @@ fn mirrored_cube() -> (GeometryId, Vec<Cell>) {
         let reflection = DMat4::IDENTITY - 2.0 * outer(axis, axis) + outer(axis, DVec4::W);
         paired(normal.extend(-0.5), f, reflection)
     });
-    (GeometryId::E3, one(faces.collect()))
+    (GeometryId::E3, vec![faces.collect()])
 }
 
 // Dihedral angle 2π/3: three cells round an edge.
-fn poincare() -> (GeometryId, Vec<Cell>) {
-    (GeometryId::S3, one(regular_faces(Form::SPHERE, -0.5, Some(PI / 5.0))))
+fn poincare() -> (GeometryId, Vec<Vec<Face>>) {
+    (GeometryId::S3, vec![regular_faces(Form::SPHERE, -0.5, Some(PI / 5.0))])
 }
 
 // Dihedral angle 2π/5, whose cosine is 1/(2φ): five cells round an edge.
-fn seifert_weber() -> (GeometryId, Vec<Cell>) {
-    (GeometryId::H3, one(regular_faces(Form::HYPERBOLOID, 0.5 / golden_ratio(), Some(3.0 * PI / 5.0))))
+fn seifert_weber() -> (GeometryId, Vec<Vec<Face>>) {
+    (GeometryId::H3, vec![regular_faces(Form::HYPERBOLOID, 0.5 / golden_ratio(), Some(3.0 * PI / 5.0))])
 }
 
 // Right angles: four cells round an edge.
-fn mirrored_dodecahedron() -> (GeometryId, Vec<Cell>) {
-    (GeometryId::H3, one(regular_faces(Form::HYPERBOLOID, 0.0, None)))
+fn mirrored_dodecahedron() -> (GeometryId, Vec<Vec<Face>>) {
+    (GeometryId::H3, vec![regular_faces(Form::HYPERBOLOID, 0.0, None)])
 }
 
 /// The form diag(1, 1, 1, κ) of R⁴ whose unit vectors are the model.

@@ -6,10 +6,10 @@
 //! - `cli`: the real binary in a temporary folder: outputs, exact errors, exit codes.
 //! - `closed_form`: pictures and paths whose answer is known.
 //! - `corners`: rays through edges and vertices, along faces, starting on faces.
-//! - `curved`: hits on curved geodesics, and balls and tubes as triangles, in geometries made for the purpose.
 //! - `geodesic`: errors of end points against a reference of 192 bits.
 //! - `gluing`: gluing files and Dirichlet domains.
 //! - `gltf`, `scene`: what is read, and what is refused with which words.
+//! - `hits`: hits on curved geodesics, and balls and tubes as triangles, in geometries made for the purpose.
 //! - `laws`: what every geometry must satisfy.
 //! - `observer`: walks through the faces, what closed loops pick up, camera paths.
 //! - `plan`: what scenes leave out; no device.
@@ -27,10 +27,10 @@ mod big;
 mod cli;
 mod closed_form;
 mod corners;
-mod curved;
 mod geodesic;
 mod gltf;
 mod gluing;
+mod hits;
 mod laws;
 mod observer;
 mod plan;

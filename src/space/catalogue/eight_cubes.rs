@@ -7,14 +7,14 @@
 use super::{outer, signed_axis};
 use crate::{
     geometry::Isometry,
-    space::{Cell, Face, FaceId},
+    space::{Face, FaceId},
 };
 use glam::{DMat4, DVec4};
 
-/// The cells: that of (0, 0, 0, 1) first, then those of x, −x, y, −y, z, −z, and its antipode last. Faces of each:
+/// The faces of the cells: that of (0, 0, 0, 1) first, then those of x, −x, y, −y, z, −z, and its antipode last. Faces of each:
 /// x, −x, y, −y, z, −z in its own coordinates.
-pub(super) fn cells() -> Vec<Cell> {
-    (0..8).map(|cell| Cell { faces: (0..6).map(|face| face_of(cell, face)).collect() }).collect()
+pub(super) fn cells() -> Vec<Vec<Face>> {
+    (0..8).map(|cell| (0..6).map(|face| face_of(cell, face)).collect()).collect()
 }
 
 fn face_of(cell: usize, face: usize) -> Face {

@@ -173,7 +173,7 @@ impl<const STRAIGHT: bool> Geometry for Sheared<STRAIGHT> {
 }
 
 #[test]
-fn curved_test_geometries_obey_the_laws() {
+fn hits_test_geometries_obey_the_laws() {
     let wrong = broken(SHEARED, &[]);
     assert!(wrong.is_empty(), "sheared:\n{}", wrong.join("\n"));
     let turn = Isometry::linear(DMat4::from_rotation_z(0.3));
@@ -235,7 +235,7 @@ impl Crossing {
 
 /// The start is off by h², each step by h times the errors of the two before it: 2, 3, 5 (in f64 no further).
 #[test]
-fn curved_refinement_has_its_order() {
+fn hits_refinement_has_its_order() {
     let median = |h: f64, steps: usize| -> f64 {
         let mut random = Random(1902);
         let mut errors: Vec<f64> = (0..2001).map(|_| Crossing::new(&mut random, h).error(steps)).collect();
@@ -252,7 +252,7 @@ fn curved_refinement_has_its_order() {
 }
 
 #[test]
-fn curved_refined_hits_lie_on_surface_and_curve() {
+fn hits_refined_hits_lie_on_surface_and_curve() {
     let mut random = Random(7);
     let worst = |steps: usize, random: &mut Random| -> f64 {
         (0..2000).map(|_| Crossing::new(random, 0.1).error(steps)).fold(0.0, f64::max)
@@ -266,7 +266,7 @@ fn curved_refined_hits_lie_on_surface_and_curve() {
 /// Curves that miss a surface which their chord touches, forms without slope, ranges without length: an answer in the
 /// range, never farther from the surface than the start.
 #[test]
-fn curved_refinement_never_leaves_its_range() {
+fn hits_refinement_never_leaves_its_range() {
     let mut random = Random(11);
     for _ in 0..20_000 {
         let [a, b, c] =
@@ -354,7 +354,7 @@ const ROUND: [(&str, f64); 5] = [
 ];
 
 #[test]
-fn curved_triangles_show_the_quadrics() {
+fn hits_triangles_show_the_quadrics() {
     for (text, radius) in ROUND {
         let mut scene = scene(text);
         scene.settings.bounces = 2;
@@ -374,7 +374,7 @@ fn curved_triangles_show_the_quadrics() {
 }
 
 #[test]
-fn curved_wrong_triangles_are_caught() {
+fn hits_wrong_triangles_are_caught() {
     let good = scene(ROUND[0].0);
     let mut bad = good.clone();
     let Shape::Ball { radius } = &mut bad.objects[0].shape else { panic!("a ball") };
@@ -385,7 +385,7 @@ fn curved_wrong_triangles_are_caught() {
 
 /// The sheared space shows what Euclidean space shows: a ball and a tube, with many chords to each.
 #[test]
-fn curved_chart_shows_the_same_picture() {
+fn hits_chart_shows_the_same_picture() {
     let mut scene = scene(
         "[space]\ngeometry = \"e3\"\n[observer]\nposition = [0.1, 0.2, 1.5]\nlook = [0, 0, -1]\nfov = 60\n\
          [[object]]\nkind = \"ball\"\nposition = [0.4, 0.1, -0.5]\nradius = 0.5\nmaterial = \"m\"\n\
@@ -476,7 +476,7 @@ fn deviations<G: Geometry>(geometry: G) -> Vec<(String, usize, f64)> {
 }
 
 #[test]
-fn curved_triangles_deviate_as_stated() {
+fn hits_triangles_deviate_as_stated() {
     let all =
         [("e3", deviations(E3)), ("s3", deviations(S3)), ("h3", deviations(H3)), ("sheared", deviations(SHEARED))];
     for (name, found) in all {
@@ -490,7 +490,7 @@ fn curved_triangles_deviate_as_stated() {
 }
 
 #[test]
-fn curved_radius_beyond_the_exponential_map_is_refused() {
+fn hits_radius_beyond_the_exponential_map_is_refused() {
     let scene = |manifold: &str, kind: &str, radius: f64| {
         scene(&format!(
             "[space]\nmanifold = \"{manifold}\"\n[[object]]\nname = \"big one\"\nkind = \"{kind}\"\nradius = {radius}\nmaterial = \"m\"\n{}",
@@ -516,7 +516,7 @@ fn curved_radius_beyond_the_exponential_map_is_refused() {
 /// are not shorter than that needs: from a distance T the number of chords to the next is that of the theory, where the
 /// n-th chord ends at 2εn²/κ.
 #[test]
-fn curved_chords_keep_the_angle_from_the_first_on() {
+fn hits_chords_keep_the_angle_from_the_first_on() {
     let angle = 1e-3;
     // The parabola of curvature 1 at the start, in the plane of y.
     let curvature: f64 = 1.0;
