@@ -6,7 +6,7 @@
 //! farthest from the surface there). Normals come from the differential of the map, so that shading is exact.
 
 use super::embed::{Placed, differential, embed};
-use crate::geometry::{Geodesic, Geometry, across, exponential, orthonormalise};
+use crate::geometry::{Geodesic, Geometry, exponential};
 use glam::{DVec3, DVec4};
 use rayon::prelude::*;
 use std::{collections::HashMap, f64::consts::TAU};
@@ -67,12 +67,14 @@ pub fn ball<G: Geometry>(geometry: G, centre: DVec4, radius: f64) -> Option<Surf
 /// A tube around the curve `axis` (point and unit tangent for a parameter in [0, 1]), or `None` where the radius is
 /// more than the exponential map can do.
 pub fn tube<G: Geometry>(geometry: G, axis: impl Fn(f64) -> Geodesic + Sync, radius: f64) -> Option<Surface> {
-    let mut rings = 1;
+    // Long thin triangles have boxes that every ray meets: rings are at most so many radii apart.
+    const SPACING: f64 = 8.0;
+    let mut rings = ((axis_length(geometry, &axis) / (SPACING * radius)) as usize).clamp(1, 256).next_power_of_two();
     while rings <= MAX_RINGS {
         let stations = stations(geometry, &axis, 2 * rings);
         let ring = |i: usize, sides: usize| -> Vec<Placed> {
-            let (t, frame) = stations[i];
-            let map = |x: DVec3| normal_point(geometry, &axis, frame, x);
+            let (t, normal) = stations[i];
+            let map = |x: DVec3| normal_point(geometry, &axis, normal, x);
             let place = |k: usize| {
                 let (sin, cos) = (TAU * k as f64 / sides as f64).sin_cos();
                 let position = DVec3::new(radius * cos, radius * sin, t);
@@ -96,9 +98,9 @@ pub fn tube<G: Geometry>(geometry: G, axis: impl Fn(f64) -> Geodesic + Sync, rad
         }
         let placed: Vec<Placed> = (0..=rings).into_par_iter().flat_map_iter(|i| ring(2 * i, SIDES)).collect();
         let sound = (0..=rings).into_par_iter().all(|i| {
-            let (t, frame) = stations[2 * i];
+            let (t, normal) = stations[2 * i];
             let centre = axis(t).point;
-            let map = |x: DVec3| normal_point(geometry, &axis, frame, x);
+            let map = |x: DVec3| normal_point(geometry, &axis, normal, x);
             let circle = (0..SIDES).map(|k| {
                 let (sin, cos) = (TAU * k as f64 / SIDES as f64).sin_cos();
                 DVec3::new(radius * cos, radius * sin, t)
@@ -159,40 +161,47 @@ fn deviation<G: Geometry>(geometry: G, flat: DVec3, on_surface: Placed) -> f64 {
     geometry.inner(on_surface.point, offset, on_surface.normal).abs()
 }
 
-/// Components, in the geometry's frame, of two vectors that stay nearly normal to the curve near a parameter.
-type Normals = [DVec3; 2];
+/// Length of a curve, from the tangents at some of its points.
+fn axis_length<G: Geometry>(geometry: G, axis: impl Fn(f64) -> Geodesic) -> f64 {
+    const PIECES: usize = 8;
+    let piece = |i: usize| {
+        let [from, to] = [i, i + 1].map(|i| axis(i as f64 / PIECES as f64).point);
+        geometry.norm(from, geometry.unchart_vector(from, geometry.chart(to) - geometry.chart(from)))
+    };
+    (0..PIECES).map(piece).sum()
+}
 
-/// Parameters along the curve, `count + 1` of them, with normals that turn as little as possible from one to the next.
-fn stations<G: Geometry>(geometry: G, axis: impl Fn(f64) -> Geodesic, count: usize) -> Vec<(f64, Normals)> {
-    let start = axis(0.0);
-    let mut normals = components(geometry, start.point, across(geometry, start));
+/// Parameters along the curve, `count + 1` of them, with a normal that turns as little as possible from one to the next:
+/// its components in the geometry's frame.
+fn stations<G: Geometry>(geometry: G, axis: impl Fn(f64) -> Geodesic, count: usize) -> Vec<(f64, DVec3)> {
+    let (mut normal, _) = tangent(geometry, axis(0.0)).any_orthonormal_pair();
     let mut station = |i: usize| {
         let t = i as f64 / count as f64;
-        let g = axis(t);
-        normals = components(geometry, g.point, normals_at(geometry, g, normals));
-        (t, normals)
+        normal = normals(tangent(geometry, axis(t)), normal)[0];
+        (t, normal)
     };
     (0..=count).map(&mut station).collect()
 }
 
-fn components<G: Geometry>(geometry: G, point: DVec4, vectors: [DVec4; 2]) -> Normals {
-    let frame = geometry.frame(point);
-    vectors.map(|v| DVec3::from_array(frame.map(|axis| geometry.inner(point, axis, v))))
+/// Direction of the curve: components in the geometry's frame, also where that is orthonormal in an indefinite metric.
+fn tangent<G: Geometry>(geometry: G, g: Geodesic) -> DVec3 {
+    let component = |axis| geometry.inner(g.point, axis, g.velocity) / geometry.inner(g.point, axis, axis);
+    DVec3::from_array(geometry.frame(g.point).map(component)).normalize()
 }
 
-/// Orthonormal vectors normal to the curve, from nearly normal ones.
-fn normals_at<G: Geometry>(geometry: G, g: Geodesic, normals: Normals) -> [DVec4; 2] {
-    let frame = geometry.frame(g.point);
-    let vectors = normals.map(|n| frame[0] * n.x + frame[1] * n.y + frame[2] * n.z);
-    let [_, u, v] = orthonormalise(geometry, g.point, [g.velocity, vectors[0], vectors[1]]);
-    [u, v]
+/// Two unit vectors normal to a tangent and to each other, the first near to a given one.
+fn normals(tangent: DVec3, near: DVec3) -> [DVec3; 2] {
+    let u = (near - tangent * tangent.dot(near)).normalize();
+    [u, tangent.cross(u)]
 }
 
 /// The end of the geodesic that leaves the curve at parameter `x.z` with normal velocity `(x.x, x.y)`.
-fn normal_point<G: Geometry>(geometry: G, axis: impl Fn(f64) -> Geodesic, normals: Normals, x: DVec3) -> DVec4 {
+fn normal_point<G: Geometry>(geometry: G, axis: impl Fn(f64) -> Geodesic, normal: DVec3, x: DVec3) -> DVec4 {
     let g = axis(x.z);
-    let [u, v] = normals_at(geometry, g, normals);
-    exponential(geometry, g.point, u * x.x + v * x.y)
+    let frame = geometry.frame(g.point);
+    let [u, v] = normals(tangent(geometry, g), normal);
+    let w = u * x.x + v * x.y;
+    exponential(geometry, g.point, frame[0] * w.x + frame[1] * w.y + frame[2] * w.z)
 }
 
 /// A triangulated unit sphere.
