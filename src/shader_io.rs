@@ -349,6 +349,8 @@ numbers! {
     /// Segments reach this far beyond both ends, in chart units, so that a surface that passes through a face is
     /// met by the segment before the face or by the one behind it whatever the rounding.
     OVERLAP: float = 4e-6;
+    /// Length of a chord in an unbounded cell where the curve parameter does not reach the path's end.
+    STRIDE: float = 2.0;
     /// A path's segment ends where the path ends.
     END_LIMIT: uint = 0xffff_ffff;
     /// A path's segment is a chord that ends inside the cell.

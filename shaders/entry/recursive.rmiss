@@ -1,5 +1,6 @@
 // The recursive variant, an experiment: as in the book's text (its section 3.3.5) the miss shader does not only
-// transport the geodesic but traces on itself. Each bounce is one level of recursion.
+// transport the geodesic but traces on itself. Each segment is one level of recursion, up to one more than bounces, which
+// is what the pipeline declares; chords beyond that are left to raygen's loop.
 #define COUNT_AT_ONCE
 #include "trace/payload.glsl"
 
@@ -8,7 +9,7 @@ layout(location = PAYLOAD_PRIMARY) rayPayloadInEXT Payload payload;
 void main() {
     stage_transport(payload.path, io_view[0].bounces);
     Segment segment;
-    if (payload.path.status != PATH_FLYING
+    if (payload.path.status != PATH_FLYING || payload.path.segments > io_view[0].bounces
         || !stage_segment(payload.path, walk_limit(), io_view[0].bounces, false, segment)) return;
     count(IO_COUNT_SEGMENTS);
     traceRayEXT(accelerationStructureEXT(io_scenes[walk_cell(payload.path)]),

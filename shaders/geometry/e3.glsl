@@ -4,6 +4,7 @@
 // trait Geometry in src/geometry/mod.rs with the prefix geo_ (test: shaders::contract). The build compiles every
 // entry point once with each of the files; nothing else in the shaders knows which one it is.
 //
+//   const bool GEO_STRAIGHT                                 whether all geodesics are straight in the chart
 //   vec4     geo_base()                                     the base point
 //   float    geo_inner(vec4 p, vec4 u, vec4 v)              the metric at p
 //   Geodesic geo_flow(Geodesic g, float t)                  exact flow by arc length t, any sign
@@ -27,7 +28,10 @@
 //
 // The curve parameter is the geometry's own: 0 at the start, increasing with arc length, chosen so that exits
 // are cheap. A segment for traversal is the chord chart(g) .. chart(geo_advance(g, u)), so where geodesics are
-// straight in the chart geo_chord returns u_max, and elsewhere a path takes several segments to the next face.
+// straight in the chart geo_chord returns u_max, and elsewhere a path takes several segments to the next face, and a
+// segment's hit is refined onto the curve. GEO_STRAIGHT decides that at compile time.
+
+const bool GEO_STRAIGHT = true;
 
 vec4 geo_base() {
     return vec4(0.0, 0.0, 0.0, 1.0);

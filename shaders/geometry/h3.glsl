@@ -2,6 +2,8 @@
 //
 // Flow p cosh t + v sinh t; Klein chart xyz/w; curve parameter tanh t.
 
+const bool GEO_STRAIGHT = true;
+
 float h3_form(vec4 u, vec4 v) {
     return dot(u.xyz, v.xyz) - u.w * v.w;
 }

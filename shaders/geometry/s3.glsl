@@ -2,6 +2,8 @@
 //
 // Flow p cos t + v sin t; gnomonic chart xyz/w (w > 0); curve parameter tan(t/2).
 
+const bool GEO_STRAIGHT = true;
+
 vec4 geo_base() {
     return vec4(0.0, 0.0, 0.0, 1.0);
 }

@@ -40,4 +40,21 @@ vec3 triangle_hit(Segment segment, Triangle triangle) {
     return hit.x >= 0.0 && hit.x <= 1.0 ? hit : vec3(NO_HIT);
 }
 
+// Height of a chart point over the triangle's plane, in units of 1 / (twice its area).
+float triangle_form(Triangle triangle, vec3 at) {
+    return dot(cross(triangle.b - triangle.a, triangle.c - triangle.a), at - triangle.a);
+}
+
+// Weights of the second and third corner of a point of the triangle's plane, clamped to the triangle.
+vec2 triangle_weights(Triangle triangle, vec3 at) {
+    vec3 b = triangle.b - triangle.a;
+    vec3 c = triangle.c - triangle.a;
+    vec3 normal = cross(b, c);
+    float area = dot(normal, normal);
+    if (area == 0.0) return vec2(0.0);
+    float wb = clamp(dot(normal, cross(at - triangle.a, c)) / area, 0.0, 1.0);
+    float wc = clamp(dot(normal, cross(b, at - triangle.a)) / area, 0.0, 1.0 - wb);
+    return vec2(wb, wc);
+}
+
 #endif

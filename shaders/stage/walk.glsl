@@ -100,6 +100,16 @@ Faces walk_test_faces(Path path) {
     return faces;
 }
 
+// Largest deviation of the next chord from its curve, a length: the tolerance is an angle e seen from the source, so it
+// is e times the distance, travelled + s for a point at s along the chord. A curve of curvature k leaves its chord by
+// k s (h - s) / 2 there. That stays within the angle up to the h with sqrt(travelled + h) = sqrt(travelled) + sqrt(2 e / k),
+// whose deviation k h^2 / 8 is e travelled far from the source and e^2 / 2k at the source. The model geometries have
+// curvatures of order 1, and so the sum of both serves at any distance, wherever faces cut the path.
+float walk_tolerance(Path path) {
+    float angle = io_view[0].chord_tolerance;
+    return angle * (path.travelled + 0.5 * angle);
+}
+
 // Finds the end of the segment that starts at the path's state, and brings a state that rounding has left outside
 // of its cell (at an edge or a corner) back first. The path ends after geodesic length `limit`, and at most `bounces`
 // faces are passed. False: the path has ended.
@@ -123,12 +133,17 @@ bool stage_segment(inout Path path, float limit, uint bounces, bool first, out S
         u = rest;
         path.end = IO_END_LIMIT;
     }
-    // A geodesic that meets no face and has no limit ends here: only an unbounded cell lets it.
+    // A geodesic that meets no face and has no limit ends here: only an unbounded cell lets it. One with a limit that
+    // the curve parameter does not reach goes there in strides.
     if (isinf(u)) {
-        path.status = PATH_GONE;
-        return false;
+        if (isinf(limit)) {
+            path.status = PATH_GONE;
+            return false;
+        }
+        u = geo_parameter_at(g, IO_STRIDE);
+        path.end = IO_END_CHORD;
     }
-    float chord = geo_chord(g, u, io_view[0].chord_tolerance * max(path.travelled, 1e-3));
+    float chord = geo_chord(g, u, walk_tolerance(path));
     if (chord < u) {
         u = chord;
         path.end = IO_END_CHORD;

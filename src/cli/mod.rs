@@ -9,6 +9,7 @@ mod devices;
 mod geodesic;
 pub mod output;
 mod render;
+mod sequence;
 mod transport;
 
 use crate::{
@@ -26,6 +27,7 @@ use std::{
     ffi::OsString,
     fmt,
     io::{self, IsTerminal},
+    ops::Range,
     path::PathBuf,
     process::ExitCode,
 };
@@ -88,7 +90,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Render one picture of a scene.
+    /// Render a picture of a scene, or a sequence along its camera path.
     Render(RenderArgs),
     /// Prove that a space's gluing is a manifold or an orbifold.
     Check(CheckArgs),
@@ -138,6 +140,10 @@ struct RenderArgs {
     /// Picture to write: .png (sRGB) or .exr (linear, or the raw values of --shading).
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
+    /// Pictures FIRST to END - 1 of the scene's camera path, or of its objects in motion (30 pictures in a unit of time),
+    /// to files whose name has {frame} or {frame:04} in it. Files that are there are left as they are.
+    #[arg(long, value_name = "FIRST..END", value_parser = sequence::parse_range)]
+    frames: Option<Range<u32>>,
     /// Which backend draws.
     #[arg(long, value_enum, default_value = "auto")]
     backend: BackendChoice,

@@ -1,8 +1,9 @@
-//! `holonomy render`: one picture of a scene.
+//! `holonomy render`: a picture of a scene, or a sequence along its camera path.
 
 use super::{
     BackendChoice, Failure, Integrator, Outcome, RenderArgs,
     output::{PendingFile, PictureFormat, encode, picture_format},
+    sequence::{Pattern, check_range, pose},
 };
 use crate::{
     geometry::{Geometry, Visitor, visit},
@@ -12,9 +13,9 @@ use crate::{
         cpu::CpuBackend,
         plan::{Feature, Plan},
         rt::{RtBackend, RtOptions},
-        world::World,
+        world::{Pose, World},
     },
-    scene::{Scene, file},
+    scene::{Object, Scene, file},
     shader_io as io,
     space::{domain::Domain, observer::Frame, reduce::reduce_frame},
     vulkan::{Context, ContextOptions, Tier, VulkanError},
@@ -25,6 +26,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Value, json};
 use std::{
     io::{IsTerminal, Write},
+    ops::Range,
     sync::{Arc, OnceLock},
     time::{Duration, Instant},
 };
@@ -32,7 +34,6 @@ use std::{
 pub(super) fn run(args: &RenderArgs) -> Outcome {
     let Integrator::Exact = args.integrator;
     let format = picture_format(&args.output)?;
-    let started = Instant::now();
     let mut scene = file::load(&args.scene).map_err(Failure::refused)?;
     scene.settings.bounces = args.bounces.unwrap_or(scene.settings.bounces);
     scene.settings.tolerance = args.tolerance.unwrap_or(scene.settings.tolerance);
@@ -41,45 +42,129 @@ pub(super) fn run(args: &RenderArgs) -> Outcome {
     if raw && args.samples > 1 {
         return Err(Failure::refused(anyhow!("--samples {}: raw values have no meaningful mean, use 1", args.samples)));
     }
+    if let Some(range) = &args.frames {
+        return sequence(args, scene, range.clone(), format);
+    }
     // Nothing is computed whose result could not be written.
     let picture = PendingFile::create(&args.output)?;
     let stats_file = args.stats.as_deref().map(PendingFile::create).transpose()?;
 
-    let plan = Plan::new(&scene, stats_file.is_some()).keep(&args.keep);
-    let (mut backend, reason) = backend_for(args, &plan)?;
-    let world = Arc::new(World::new(&scene, &plan, scene.observer.frame).map_err(Failure::refused)?);
-    let loading = Instant::now();
-    backend.load(&world).map_err(render_failure)?;
-    let load_time = loading.elapsed();
-    // Only now that nothing can be refused any more, so that a refusal is the only line. A closed stderr is no reason
-    // to stop.
-    let _ = writeln!(std::io::stderr(), "{reason}");
-
-    let eyes = if args.stereo { stereo_eyes(&scene)? } else { vec![scene.observer.frame] };
-    let mut target = Target::new([args.size[0] * eyes.len() as u32, args.size[1]]);
-    let mut sum = Stats::default();
+    let mut session = Session::new(args, &scene, stats_file.is_some(), false)?;
     let progress = Progress::new();
-    for (index, eye) in eyes.iter().enumerate() {
-        let shot =
-            Shot { samples: args.samples, seed: args.seed, ..Shot::symmetric(*eye, scene.observer.fov, args.size) };
-        let mut view = Target::new(args.size);
-        let share = |done: f64| progress.set((index as f64 + done) / eyes.len() as f64);
-        let stats = backend.render(&shot, &mut view, &share).map_err(render_failure)?;
-        add(&mut sum, &stats);
-        paste(&mut target, &view, args.size[0] * index as u32);
-    }
+    let target = session.draw(args, &scene, &|share| progress.set(share))?;
     progress.finish();
-    if let Some(lost) = backend.keep() {
-        let _ = writeln!(std::io::stderr(), "warning: {lost}");
+    session.end(args, &scene, stats_file)?;
+    picture.finish(&encode(&target, format, raw && format == PictureFormat::Png)?)
+}
+
+/// Draws pictures of the scene's camera path. Those that are there already are complete, since files get their names
+/// last, and are left.
+fn sequence(args: &RenderArgs, scene: Scene, range: Range<u32>, format: PictureFormat) -> Outcome {
+    let pattern = Pattern::new(&args.output)?;
+    check_range(&scene, &range)?;
+    let missing: Vec<u32> = range.clone().filter(|number| !pattern.path(*number).is_file()).collect();
+    let raw = scene.settings.shading.is_raw() && format == PictureFormat::Png;
+    let stats_file = args.stats.as_deref().map(PendingFile::create).transpose()?;
+    let progress = Progress::new();
+    if !missing.is_empty() {
+        // All pictures are made from the start of the path, so that each is the same whichever others are drawn.
+        let mut session = Session::new(args, &scene, stats_file.is_some(), true)?;
+        for (index, &number) in missing.iter().enumerate() {
+            let file = PendingFile::create(&pattern.path(number))?;
+            let mut seen = scene.clone();
+            seen.observer.frame = pose(&scene, number)?;
+            session.follow(&seen, f64::from(number) / PICTURES_PER_UNIT_OF_TIME)?;
+            let share = |done: f64| progress.set((index as f64 + done) / missing.len() as f64);
+            let target = session.draw(args, &seen, &share)?;
+            file.finish(&encode(&target, format, raw)?)?;
+        }
+        progress.finish();
+        session.end(args, &scene, stats_file)?;
+    }
+    let left = range.len() - missing.len();
+    if left > 0 {
+        let _ = writeln!(std::io::stderr(), "{left} of {} pictures were there already", range.len());
+    }
+    Ok(())
+}
+
+/// A backend with what it draws, and what that has cost so far.
+struct Session {
+    backend: Box<dyn Backend>,
+    plan: Plan,
+    world: Arc<World>,
+    eyes: usize,
+    pictures: u32,
+    sum: Stats,
+    times: Times,
+}
+
+/// Pictures of a sequence in a unit of time, by which velocities of objects in motion are given.
+const PICTURES_PER_UNIT_OF_TIME: f64 = 30.0;
+
+impl Session {
+    /// Prepares the scene, for a sequence or for one picture, and loads it.
+    fn new(args: &RenderArgs, scene: &Scene, count: bool, sequence: bool) -> Result<Self, Failure> {
+        let started = Instant::now();
+        let plan = Plan::new(scene, count).keep(&args.keep);
+        let (mut backend, reason) = backend_for(args, &plan)?;
+        let start = Pose { observer: scene.observer.frame, time: 0.0 };
+        let world =
+            if sequence { World::moving(scene, &plan, start) } else { World::new(scene, &plan, scene.observer.frame) };
+        let world = Arc::new(world.map_err(Failure::refused)?);
+        let loading = Instant::now();
+        backend.load(&world).map_err(render_failure)?;
+        let times = Times { prepare: loading - started, load: loading.elapsed(), pose: Duration::ZERO };
+        // Only now that nothing can be refused any more, so that a refusal is the only line. A closed stderr is no reason
+        // to stop.
+        let _ = writeln!(std::io::stderr(), "{reason}");
+        let eyes = if args.stereo { 2 } else { 1 };
+        Ok(Self { backend, plan, world, eyes, pictures: 0, sum: Stats::default(), times })
     }
 
-    if let Some(file) = stats_file {
-        let times = Times { prepare: loading - started, load: load_time };
-        let value = stats_json(args, &scene, &*backend, &plan, &world, &sum, eyes.len(), &times);
-        let text = serde_json::to_string_pretty(&value).map_err(Failure::failed)?;
-        file.finish(text.as_bytes())?;
+    /// Takes the scene in at another time and with its observer elsewhere. The world stays unless it depends on them.
+    fn follow(&mut self, scene: &Scene, time: f64) -> Outcome {
+        let started = Instant::now();
+        let pose = Pose { observer: scene.observer.frame, time };
+        let labels = self.plan.uses(Feature::Labels);
+        if labels || scene.objects.iter().any(Object::moves) {
+            // Labels are counted from the observer's own cell.
+            let world = if labels { World::moving(scene, &self.plan, pose) } else { self.world.posed(scene, pose) };
+            self.world = Arc::new(world.map_err(Failure::refused)?);
+            self.backend.pose(&self.world).map_err(render_failure)?;
+        }
+        self.times.pose += started.elapsed();
+        Ok(())
     }
-    picture.finish(&encode(&target, format, raw && format == PictureFormat::Png)?)
+
+    /// Keeps compiled pipelines, and writes what all pictures have cost if that is asked for.
+    fn end(&self, args: &RenderArgs, scene: &Scene, stats_file: Option<PendingFile>) -> Outcome {
+        if let Some(lost) = self.backend.keep() {
+            let _ = writeln!(std::io::stderr(), "warning: {lost}");
+        }
+        if let Some(file) = stats_file {
+            let text = serde_json::to_string_pretty(&stats_json(args, scene, self)).map_err(Failure::failed)?;
+            file.finish(text.as_bytes())?;
+        }
+        Ok(())
+    }
+
+    /// The picture, both eyes side by side if there are two.
+    fn draw(&mut self, args: &RenderArgs, scene: &Scene, progress: &(dyn Fn(f64) + Sync)) -> Result<Target, Failure> {
+        let eyes = if args.stereo { stereo_eyes(scene)? } else { vec![scene.observer.frame] };
+        let mut target = Target::new([args.size[0] * eyes.len() as u32, args.size[1]]);
+        for (index, eye) in eyes.iter().enumerate() {
+            let shot =
+                Shot { samples: args.samples, seed: args.seed, ..Shot::symmetric(*eye, scene.observer.fov, args.size) };
+            let mut view = Target::new(args.size);
+            let share = |done: f64| progress((index as f64 + done) / eyes.len() as f64);
+            let stats = self.backend.render(&shot, &mut view, &share).map_err(render_failure)?;
+            add(&mut self.sum, &stats);
+            paste(&mut target, &view, args.size[0] * index as u32);
+        }
+        self.pictures += 1;
+        Ok(target)
+    }
 }
 
 /// The backend that the user chose, ready for the plan.
@@ -163,20 +248,13 @@ fn add(sum: &mut Stats, stats: &Stats) {
 struct Times {
     prepare: Duration,
     load: Duration,
+    /// Of all poses of a sequence together.
+    pose: Duration,
 }
 
 /// The content of the `--stats` file.
-#[allow(clippy::too_many_arguments)]
-fn stats_json(
-    args: &RenderArgs,
-    scene: &Scene,
-    backend: &dyn Backend,
-    plan: &Plan,
-    world: &World,
-    stats: &Stats,
-    eyes: usize,
-    times: &Times,
-) -> Value {
+fn stats_json(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
+    let Session { backend, plan, world, eyes, pictures, sum: stats, times } = session;
     let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
     let count = |index: u32| stats.counts[index as usize];
     // What the device's own traversal does is not known, which is not the same as nothing.
@@ -193,7 +271,7 @@ fn stats_json(
         ("shadow_segments", io::COUNT_SHADOW_SEGMENTS),
         ("lost", io::COUNT_LOST),
     ];
-    let pixels = f64::from(args.size[0]) * f64::from(args.size[1]) * eyes as f64;
+    let pixels = f64::from(args.size[0]) * f64::from(args.size[1]) * *eyes as f64 * f64::from(*pictures);
     let counts: serde_json::Map<_, _> =
         named.iter().map(|(name, i)| ((*name).to_owned(), shown(*i, json!(count(*i))))).collect();
     let per_pixel: serde_json::Map<_, _> =
@@ -212,6 +290,7 @@ fn stats_json(
         "device": backend.device(),
         "size": args.size,
         "eyes": eyes,
+        "pictures": pictures,
         "samples": args.samples,
         "bounces": scene.settings.bounces,
         "used": features(|d| d.needed),
@@ -243,6 +322,7 @@ fn stats_json(
         "time_ms": {
             "prepare": milliseconds(times.prepare),
             "load": milliseconds(times.load),
+            "pose": milliseconds(times.pose),
             "trace": milliseconds(stats.trace_time),
             "wall": milliseconds(stats.wall_time),
         },

@@ -394,7 +394,7 @@ fn quadric_value<G: Geometry>(geometry: G, quadric: Quadric, p: DVec4) -> f64 {
 
 fn ball_vanishes<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let radius = s.length.clamp(0.05, 0.5);
-    let ball = geometry.ball(s.start.point, radius);
+    let Some(ball) = geometry.ball(s.start.point, radius) else { return 0.0 };
     let value = |r: f64| quadric_value(geometry, ball, geometry.flow(s.start, r).point);
     let signs = promise(value(0.9 * radius) < 0.0 && value(1.1 * radius) > 0.0 && value(0.0) < 0.0);
     worse(value(radius).abs(), signs)
@@ -402,7 +402,7 @@ fn ball_vanishes<G: Geometry>(geometry: G, s: &Sample) -> f64 {
 
 fn tube_vanishes<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let radius = s.length.clamp(0.05, 0.5);
-    let tube = geometry.tube(s.start, radius);
+    let Some(tube) = geometry.tube(s.start, radius) else { return 0.0 };
     let along = geometry.flow(s.start, 0.2 * s.any_lengths[1]);
     let [a, b] = across(geometry, along);
     let (sin, cos) = s.any_lengths[0].sin_cos();

@@ -82,6 +82,32 @@ impl Quadric {
         self.forms.iter().fold(rest, |sum, l| sum + DMat4::from_cols(*l * l.x, *l * l.y, *l * l.z, *l * l.w))
     }
 
+    /// The inverse of the matrix, on which planes lie that touch the surface. By elimination with pivots: far from the
+    /// origin of a hyperbolic chart the condition of `Q` grows with the fourth power of cosh d, and cofactors, which
+    /// `DMat4::inverse` takes, have no digits left at d = 6.
+    pub fn dual(&self) -> DMat4 {
+        let mut rows = self.matrix().to_cols_array_2d();
+        let mut inverse = DMat4::IDENTITY.to_cols_array_2d();
+        for column in 0..4 {
+            let largest = |a: &usize, b: &usize| rows[*a][column].abs().total_cmp(&rows[*b][column].abs());
+            let pivot = (column..4).max_by(largest).unwrap_or(column);
+            rows.swap(column, pivot);
+            inverse.swap(column, pivot);
+            for row in (0..4).filter(|row| *row != column) {
+                let factor = rows[row][column] / rows[column][column];
+                for k in 0..4 {
+                    rows[row][k] -= factor * rows[column][k];
+                    inverse[row][k] -= factor * inverse[column][k];
+                }
+            }
+        }
+        for (row, line) in inverse.iter_mut().enumerate() {
+            line.iter_mut().for_each(|x| *x /= rows[row][row]);
+        }
+        // Rows were treated as columns, which is the same for a symmetric matrix.
+        DMat4::from_cols_array_2d(&inverse).transpose()
+    }
+
     /// Half of the gradient of `xᵀQx` in the chart.
     pub fn gradient(&self, c: DVec3) -> DVec3 {
         let squares: DVec3 = self.forms.iter().map(|l| l.truncate() * l.dot(c.extend(1.0))).sum();
@@ -115,6 +141,10 @@ pub enum GeometryError {
 /// All functions are pure. None panics on finite input; out-of-range results are infinities or `None`, which
 /// callers turn into errors. The GLSL twin of `name` is `geo_name`, except for the functions marked *host only*.
 pub trait Geometry: Copy + Send + Sync + 'static {
+    /// Whether all geodesics are straight in the chart, so that a chord is the curve itself and no hit needs to be
+    /// refined (twin: `GEO_STRAIGHT`). A geometry that does not say is taken for a curved one.
+    const STRAIGHT: bool = false;
+
     // --- points and vectors -------------------------------------------------------------------------
 
     /// How many numbers the command line, scenes and reports use for a point or a vector: 3 or 4. *Host only.*
@@ -258,11 +288,12 @@ pub trait Geometry: Copy + Send + Sync + 'static {
 
     // --- quadrics -----------------------------------------------------------------------------------
 
-    /// The metric ball. *Host only.*
-    fn ball(&self, centre: DVec4, radius: f64) -> Quadric;
+    /// The metric ball, or `None` in a geometry whose balls and tubes are no quadrics of the chart: there they are
+    /// drawn as triangles. *Host only.*
+    fn ball(&self, centre: DVec4, radius: f64) -> Option<Quadric>;
 
-    /// The tube of points nearer than `radius` to the whole geodesic `axis`. *Host only.*
-    fn tube(&self, axis: Geodesic, radius: f64) -> Quadric;
+    /// The tube of points nearer than `radius` to the whole geodesic `axis`; `None` where balls are. *Host only.*
+    fn tube(&self, axis: Geodesic, radius: f64) -> Option<Quadric>;
 }
 
 /// A start this far outside a face plane (in the plane's own units) still counts as inside: the rounding of one
@@ -336,6 +367,18 @@ impl GeometryId {
     /// Looks a name or an alias up.
     pub fn from_name(name: &str) -> Option<Self> {
         GEOMETRIES.iter().find(|e| e.name == name || e.aliases.contains(&name)).map(|e| e.id)
+    }
+
+    /// Whether balls and tubes are quadrics of the chart.
+    pub fn has_quadrics(self) -> bool {
+        struct Quadrics;
+        impl Visitor for Quadrics {
+            type Output = bool;
+            fn visit<G: Geometry>(self, geometry: G) -> bool {
+                geometry.ball(geometry.base(), 0.1).is_some()
+            }
+        }
+        visit(self, Quadrics)
     }
 
     /// How many numbers a point or a vector has for the user.

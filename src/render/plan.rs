@@ -93,7 +93,8 @@ impl Plan {
         let shading = scene.settings.shading;
         let lit = shading == Shading::Riemannian;
         let has_mesh = scene.objects.iter().any(|o| matches!(o.shape, Shape::Mesh(_)));
-        let has_quadric = scene.objects.iter().any(|o| !matches!(o.shape, Shape::Mesh(_)));
+        let has_round = scene.objects.iter().any(|o| !matches!(o.shape, Shape::Mesh(_)));
+        let quadrics = scene.space.geometry.has_quadrics();
         let mut materials = used_materials(scene);
         let masked = materials.any(|m| scene.materials[m].alpha_cutoff.is_some());
         let textured = used_materials(scene).any(|m| {
@@ -104,10 +105,10 @@ impl Plan {
         let shadowing = scene.lights.iter().any(|l| l.shadows);
         let decide = |feature| {
             let (needed, reason) = match feature {
+                Feature::Meshes if has_round && !quadrics => (true, "balls and tubes are made of triangles here"),
                 Feature::Meshes => pick(has_mesh, "an object is a mesh", "no object is a mesh"),
-                Feature::Quadrics => {
-                    pick(has_quadric, "an object is a ball or a tube", "no object is a ball or a tube")
-                }
+                Feature::Quadrics if has_round && !quadrics => (false, "balls and tubes are no quadrics here"),
+                Feature::Quadrics => pick(has_round, "an object is a ball or a tube", "no object is a ball or a tube"),
                 Feature::AlphaMask => pick(masked, "a material has an alpha mask", "no material has an alpha mask"),
                 Feature::Textures if !lit && !masked => (false, "the shading shows no colours of surfaces"),
                 Feature::Textures => pick(textured, "a material has a texture", "no material has a texture"),

@@ -2,12 +2,21 @@
 //!
 //! | table | keys |
 //! | --- | --- |
-//! | `[space]` | `manifold` (a name from the catalogue) or `gluing` (a file) |
+//! | `[space]` | `manifold` (a name from the catalogue), `gluing` (a file) or `geometry` (the whole of it) |
 //! | `[observer]` | `position`, `cell`, `look`, `up`, `fov` (vertical, degrees), `eye-distance` |
+//! | `[[observer.path]]` | a key pose of the camera path: `step` with `rotate`, or `position`, `cell`, `look`, `up`; `frames` |
 //! | `[[light]]` | `kind` (`point` or `viewer`), `color`, `intensity`, and for points `position`, `cell`, `range`, `shadows`, `direction` with `angle` (degrees from the axis of the cone to its edge) |
 //! | `[[material]]` | `name`, `color`, `metallic`, `roughness`, `emission`, `alpha-cutoff`, `texture`, `surface-texture` |
-//! | `[[object]]` | `kind` (`mesh`, `tube`, `ball` or `domain-edges`), `name`, `file`, `scale`, `radius`, `length`, `material`; `attach = "world"`: `position`, `cell` and `frame`, `look` with `up`, or `rotate`; `attach = "viewer"`: `offset`, `rotate` |
+//! | `[[object]]` | `kind` (`mesh`, `tube`, `ball` or `domain-edges`), `name`, `file`, `scale`, `radius`, `length`, `material`; `attach = "world"`: `position`, `cell` and `frame`, `look` with `up`, or `rotate`; `attach = "viewer"`: `offset`, `rotate`; `motion = { velocity = [x, y, z], spin = [x, y, z, degrees] }`: in its own axes, per unit of time |
 //! | `[render]` | `bounces`, `max-distance`, `fog`, `background`, `ambient`, `shading`, `tolerance` |
+//!
+//! A camera path starts at the observer's own pose and goes from key to key along geodesics, with parallel transport,
+//! setting out gently and coming to rest at each. `step` is where to walk, as right, up and back in the frame of the key
+//! before; it may be longer than the cell, the way leads through the faces. `rotate` turns the frame on the way, as for
+//! objects. `position` gives the pose as for the observer instead: the way is the shortest in the cell of the key before.
+//! `frames` is the number of pictures from the key before to this one (48 if not given); picture 0 is the start.
+//!
+//! A whole geometry without end is seen up to `max-distance`, 8 if it is not given.
 //!
 //! Points have the geometry's own components; vectors have these or three components in the geometry's standard
 //! frame at their point. `look` is where an observer looks, and the third axis (`z`) of an object. Colours are
@@ -16,13 +25,16 @@
 use super::{
     MAX_BOUNCES, Material, Mesh, Object, Observer, PointLight, Scene, Settings, Shading, Spot, Texture, Wrap,
     folder::Folder,
-    objects,
+    objects, path,
     places::Local,
     reader::{Bounds, Source, Table, Value, suggestion},
     shipped,
     texture::{Encoding, decode, texels},
 };
-use crate::space::{Space, catalogue, gluing};
+use crate::{
+    geometry::{GEOMETRIES, GeometryId},
+    space::{Space, catalogue, gluing, observer::Leg, polyhedron::Polyhedron},
+};
 use std::{
     fs::File,
     io::{self, Read},
@@ -34,6 +46,10 @@ pub use super::reader::SceneError;
 
 /// Largest scene file, in bytes.
 const MAX_SCENE_SIZE: u64 = 1 << 24;
+
+/// How far one sees in a space without end, unless the scene says otherwise: as far as numbers of 32 bits name points
+/// in hyperbolic space.
+const WHOLE_DISTANCE: f64 = 8.0;
 
 /// Colours of lights, and numbers that multiply them.
 const BRIGHT: Bounds = Bounds::closed(0.0, 1e6);
@@ -62,13 +78,16 @@ pub fn load(name_or_path: &str) -> Result<Scene, SceneError> {
     read(name_or_path, &bytes, &Folder::of(path).map_err(io)?)
 }
 
-/// The space that a name means: of the catalogue, of a gluing file (`.json`), or of a scene as [`load`] finds it.
+/// The space that a name means: of the catalogue, a whole geometry, of a gluing file (`.json`), or of a scene as [`load`] finds it.
 ///
 /// # Errors
 /// As [`load`].
 pub fn load_space(name_or_path: &str) -> Result<Space, SceneError> {
     if let Some(space) = catalogue::find(name_or_path) {
         return Ok(space);
+    }
+    if let Some(geometry) = GeometryId::from_name(name_or_path) {
+        return Ok(catalogue::whole(geometry));
     }
     if name_or_path.to_ascii_lowercase().ends_with(".json") {
         return Ok(gluing::read(Path::new(name_or_path))?);
@@ -117,12 +136,12 @@ pub fn read(name: &str, bytes: &[u8], folder: &Folder) -> Result<Scene, SceneErr
     for table in all(&mut root, "object", "[[object]]", objects::KEYS)? {
         objects::read(table, &mut builder)?;
     }
-    let observer = match root.take("observer") {
+    let (observer, path) = match root.take("observer") {
         Some(value) => builder.observer(value.table("[observer]", OBSERVER_KEYS)?)?,
-        None => builder.default_observer(),
+        None => (builder.default_observer(), Vec::new()),
     };
     root.finish("in a scene")?;
-    Ok(builder.finish(name, observer))
+    Ok(builder.finish(name, observer, path))
 }
 
 fn all<'a>(
@@ -150,16 +169,17 @@ fn space(mut table: Table, folder: &Folder) -> Result<Space, SceneError> {
             gluing::read(&path).map_err(|e| value.error(e))?
         }
         (None, None, Some(value)) => {
-            return Err(value.error("whole model geometries are not available yet: give \"manifold\" or \"gluing\""));
+            let names: Vec<_> = GEOMETRIES.iter().map(|entry| (entry.name, entry.id)).collect();
+            catalogue::whole(value.choice(&names)?)
         }
-        (None, None, None) => return Err(table.error("[space] needs \"manifold\" or \"gluing\"")),
+        (None, None, None) => return Err(table.error("[space] needs \"manifold\", \"gluing\" or \"geometry\"")),
         _ => return Err(table.error("[space] takes only one of \"manifold\", \"gluing\" and \"geometry\"")),
     };
     table.finish("in [space]")?;
     Ok(space)
 }
 
-const OBSERVER_KEYS: &[&str] = &["position", "cell", "look", "up", "fov", "eye-distance"];
+const OBSERVER_KEYS: &[&str] = &["position", "cell", "look", "up", "fov", "eye-distance", "path"];
 const LIGHT_KEYS: &[&str] =
     &["kind", "position", "cell", "color", "intensity", "range", "shadows", "direction", "angle"];
 const MATERIAL_KEYS: &[&str] =
@@ -201,11 +221,15 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn finish(self, name: &str, observer: Observer) -> Scene {
+    fn finish(mut self, name: &str, observer: Observer, path: Vec<Leg>) -> Scene {
+        if self.space.cells.iter().any(|cell| matches!(Polyhedron::bounded(cell), Ok(None))) {
+            self.settings.max_distance.get_or_insert(WHOLE_DISTANCE);
+        }
         Scene {
             name: name.to_owned(),
             space: self.space,
             observer,
+            path,
             lights: self.lights,
             materials: self.materials,
             textures: self.textures,
@@ -220,7 +244,7 @@ impl<'a> Builder<'a> {
         Observer { frame: Local::base(&self.space, 0).frame(glam::DMat3::IDENTITY), fov: 70.0, eye_distance: 0.03 }
     }
 
-    fn observer(&self, mut table: Table) -> Result<Observer, SceneError> {
+    fn observer(&self, mut table: Table) -> Result<(Observer, Vec<Leg>), SceneError> {
         let local = Local::read(&mut table, &self.space)?;
         let look = table.take("look").map_or(Ok(glam::DVec3::NEG_Z), |value| local.direction(&value))?;
         // The third axis points back, and back = −look: the same rule as for objects.
@@ -230,8 +254,11 @@ impl<'a> Builder<'a> {
         let eye_distance = table.take("eye-distance");
         let eye_distance =
             eye_distance.map_or(Ok(default.eye_distance), |value| value.number(Bounds::closed(0.0, 10.0)))?;
+        let keys = table.take("path");
         table.finish("in [observer]")?;
-        Ok(Observer { frame: local.frame(axes), fov, eye_distance })
+        let frame = local.frame(axes);
+        let keys = keys.map_or(Ok(Vec::new()), |value| value.tables("[[observer.path]]", path::KEYS))?;
+        Ok((Observer { frame, fov, eye_distance }, path::read(keys, &self.space, frame)?))
     }
 
     fn light(&mut self, mut table: Table) -> Result<(), SceneError> {

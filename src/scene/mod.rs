@@ -11,12 +11,16 @@ mod glb;
 pub mod gltf;
 mod normals;
 mod objects;
+mod path;
 mod places;
 mod reader;
 pub mod shipped;
 mod texture;
 
-use crate::space::{Space, observer::Frame};
+use crate::space::{
+    Space,
+    observer::{Frame, Leg},
+};
 use glam::{DMat3, DVec3, DVec4};
 use half::f16;
 
@@ -29,6 +33,8 @@ pub struct Scene {
     pub space: Space,
     /// Where the picture is taken from.
     pub observer: Observer,
+    /// Camera path from there; empty for none.
+    pub path: Vec<Leg>,
     /// Point lights.
     pub lights: Vec<PointLight>,
     /// Materials of objects and meshes.

@@ -5,6 +5,9 @@
 //! c² = (1 + cos δ) / (1 − cos α), where c is cos r in the sphere and cosh r in hyperbolic space, r the inradius:
 //! one formula for both, from ⟨Pᵢ, Pⱼ⟩ = −cos δ with the form diag(1, 1, 1, κ) and ⟨Pᵢ, Pᵢ⟩ = 1.
 
+mod eight_cubes;
+mod flat;
+
 use super::{Cell, Face, FaceId, Space};
 use crate::geometry::{GeometryId, Isometry};
 use glam::{DMat3, DMat4, DVec3, DVec4};
@@ -17,14 +20,39 @@ pub struct Entry {
     pub name: &'static str,
     /// What it is, in a few words.
     pub title: &'static str,
-    /// Its geometry and the faces of its cell.
-    build: fn() -> (GeometryId, Vec<Face>),
+    /// Its geometry and the faces of its cells.
+    build: fn() -> (GeometryId, Vec<Vec<Face>>),
 }
 
 /// All named spaces.
 pub const SPACES: &[Entry] = &[
     Entry { name: "torus", title: "flat three-torus, the unit cube with opposite faces glued", build: torus },
     Entry { name: "mirrored-cube", title: "flat orbifold, the unit cube with mirrors for faces", build: mirrored_cube },
+    Entry {
+        name: "half-turn",
+        title: "flat manifold, the unit cube with top and bottom glued by a turn of π",
+        build: || (GeometryId::E3, vec![flat::prism(4, 2)]),
+    },
+    Entry {
+        name: "quarter-turn",
+        title: "flat manifold, the unit cube with top and bottom glued by a turn of π/2",
+        build: || (GeometryId::E3, vec![flat::prism(4, 4)]),
+    },
+    Entry {
+        name: "third-turn",
+        title: "flat manifold, a hexagonal prism with top and bottom glued by a turn of 2π/3",
+        build: || (GeometryId::E3, vec![flat::prism(6, 3)]),
+    },
+    Entry {
+        name: "sixth-turn",
+        title: "flat manifold, a hexagonal prism with top and bottom glued by a turn of π/3",
+        build: || (GeometryId::E3, vec![flat::prism(6, 6)]),
+    },
+    Entry {
+        name: "hantzsche-wendt",
+        title: "flat manifold, a rhombic dodecahedron glued by half turns about three directions",
+        build: || (GeometryId::E3, vec![flat::hantzsche_wendt()]),
+    },
     Entry {
         name: "poincare",
         title: "Poincaré dodecahedral space, opposite faces glued by a turn of π/5",
@@ -39,6 +67,11 @@ pub const SPACES: &[Entry] = &[
         name: "mirrored-dodecahedron",
         title: "hyperbolic orbifold, the right-angled dodecahedron with mirrors for faces",
         build: mirrored_dodecahedron,
+    },
+    Entry {
+        name: "s3",
+        title: "the whole three-sphere, glued from eight cubes",
+        build: || (GeometryId::S3, eight_cubes::cells()),
     },
 ];
 
@@ -56,22 +89,30 @@ pub const NAMES: &[&str] = &{
 /// The space with this name.
 pub fn find(name: &str) -> Option<Space> {
     let entry = SPACES.iter().find(|entry| entry.name == name)?;
-    let (geometry, faces) = (entry.build)();
-    Some(Space { name: entry.name.to_owned(), geometry, cells: vec![Cell { faces }] })
+    let (geometry, cells) = (entry.build)();
+    let cells = cells.into_iter().map(|faces| Cell { faces }).collect();
+    Some(Space { name: entry.name.to_owned(), geometry, cells })
+}
+
+/// The whole of a model geometry: the gluing that has its name, where one chart does not show all of it, else one cell
+/// without faces.
+pub fn whole(geometry: GeometryId) -> Space {
+    let name = geometry.name();
+    find(name).unwrap_or_else(|| Space { name: name.to_owned(), geometry, cells: vec![Cell { faces: Vec::new() }] })
 }
 
 /// Unit cube `[0, 1]³`, faces `x = 1, x = 0, y = 1, …`, unit translations.
-fn torus() -> (GeometryId, Vec<Face>) {
+fn torus() -> (GeometryId, Vec<Vec<Face>>) {
     let faces = (0..6).map(|f| {
         let normal = signed_axis(f);
         let offset = if f.is_multiple_of(2) { -1.0 } else { 0.0 };
         paired(normal.extend(offset), f ^ 1, DMat4::from_translation(-normal))
     });
-    (GeometryId::E3, faces.collect())
+    (GeometryId::E3, vec![faces.collect()])
 }
 
 /// Cube of side 1 about the base point, faces `x = ½, x = −½, y = ½, …`, reflections.
-fn mirrored_cube() -> (GeometryId, Vec<Face>) {
+fn mirrored_cube() -> (GeometryId, Vec<Vec<Face>>) {
     let faces = (0..6).map(|f| {
         let normal = signed_axis(f);
         // x ↦ x − 2 (n·x − ½) n.
@@ -79,22 +120,22 @@ fn mirrored_cube() -> (GeometryId, Vec<Face>) {
         let reflection = DMat4::IDENTITY - 2.0 * outer(axis, axis) + outer(axis, DVec4::W);
         paired(normal.extend(-0.5), f, reflection)
     });
-    (GeometryId::E3, faces.collect())
+    (GeometryId::E3, vec![faces.collect()])
 }
 
 // Dihedral angle 2π/3: three cells round an edge.
-fn poincare() -> (GeometryId, Vec<Face>) {
-    (GeometryId::S3, regular_faces(Form::SPHERE, -0.5, Some(PI / 5.0)))
+fn poincare() -> (GeometryId, Vec<Vec<Face>>) {
+    (GeometryId::S3, vec![regular_faces(Form::SPHERE, -0.5, Some(PI / 5.0))])
 }
 
 // Dihedral angle 2π/5, whose cosine is 1/(2φ): five cells round an edge.
-fn seifert_weber() -> (GeometryId, Vec<Face>) {
-    (GeometryId::H3, regular_faces(Form::HYPERBOLOID, 0.5 / golden_ratio(), Some(3.0 * PI / 5.0)))
+fn seifert_weber() -> (GeometryId, Vec<Vec<Face>>) {
+    (GeometryId::H3, vec![regular_faces(Form::HYPERBOLOID, 0.5 / golden_ratio(), Some(3.0 * PI / 5.0))])
 }
 
 // Right angles: four cells round an edge.
-fn mirrored_dodecahedron() -> (GeometryId, Vec<Face>) {
-    (GeometryId::H3, regular_faces(Form::HYPERBOLOID, 0.0, None))
+fn mirrored_dodecahedron() -> (GeometryId, Vec<Vec<Face>>) {
+    (GeometryId::H3, vec![regular_faces(Form::HYPERBOLOID, 0.0, None)])
 }
 
 /// The form diag(1, 1, 1, κ) of R⁴ whose unit vectors are the model.

@@ -107,6 +107,17 @@ impl Polyhedron {
         Self::from_planes(&planes)
     }
 
+    /// The same, or `None` for a cell without end.
+    ///
+    /// # Errors
+    /// As for [`Polyhedron::new`].
+    pub fn bounded(cell: &Cell) -> Result<Option<Self>, PolyhedronError> {
+        match Self::new(cell) {
+            Err(PolyhedronError::Unbounded { .. }) => Ok(None),
+            shape => shape.map(Some),
+        }
+    }
+
     /// The same from planes `(n, d)` with `n·c + d ≤ 0` inside, of any scale.
     ///
     /// # Errors

@@ -85,15 +85,38 @@ pub fn transport<G: Geometry>(
     cell: usize,
     length: f64,
 ) -> Result<Arrival, TransportError> {
+    carry(geometry, domain, start, cell, length, &mut [])
+}
+
+/// The same, with tangent vectors at the start carried along by parallel transport.
+///
+/// # Errors
+/// [`TransportError`]; the vectors are then of no use.
+pub fn carry<G: Geometry>(
+    geometry: G,
+    domain: &Domain,
+    start: Geodesic,
+    cell: usize,
+    length: f64,
+    vectors: &mut [DVec4],
+) -> Result<Arrival, TransportError> {
     // A negative length is a walk against the direction.
     let sign = if length < 0.0 { -1.0 } else { 1.0 };
     let start = Geodesic { point: start.point, velocity: start.velocity * sign };
     let mut path = Path::new(start, cell, length.abs());
     let mut faces = Vec::new();
     while path.status == Status::Flying {
-        if stage_segment(geometry, domain, &mut path, MAX_FACES, f64::INFINITY, |face| faces.push(face)).is_some() {
-            stage_transport(geometry, domain, &mut path, MAX_FACES, |face| faces.push(face));
+        let (before, known) = (path.state.point, faces.len());
+        let segment = stage_segment(geometry, domain, &mut path, MAX_FACES, f64::INFINITY, |face| faces.push(face));
+        pass(geometry, domain, &faces[known..], before, vectors);
+        if segment.is_none() {
+            break;
         }
+        let (from, passed) = (path.state, geometry.length(path.state, path.u_end));
+        vectors.iter_mut().for_each(|v| *v = geometry.transport(from, passed, *v));
+        let (end, known) = (geometry.advance(from, path.u_end).point, faces.len());
+        stage_transport(geometry, domain, &mut path, MAX_FACES, |face| faces.push(face));
+        pass(geometry, domain, &faces[known..], end, vectors);
     }
     match path.status {
         Status::Lost => Err(TransportError::Lost(path.travelled)),
@@ -102,5 +125,15 @@ pub fn transport<G: Geometry>(
             let state = Geodesic { point: path.state.point, velocity: path.state.velocity * sign };
             Ok(Arrival { state, cell: path.cell, faces })
         }
+    }
+}
+
+/// Takes tangent vectors at a point through faces, one after the other.
+fn pass<G: Geometry>(geometry: G, domain: &Domain, faces: &[usize], mut point: DVec4, vectors: &mut [DVec4]) {
+    for &face in faces {
+        let passed = &domain.faces[face];
+        let image = |velocity| geometry.cross(&passed.folded, passed.plane, Geodesic { point, velocity });
+        vectors.iter_mut().for_each(|v| *v = image(*v).velocity);
+        point = image(DVec4::ZERO).point;
     }
 }

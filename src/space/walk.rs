@@ -8,7 +8,7 @@
 use super::domain::Domain;
 use crate::{
     geometry::{Geodesic, Geometry, ON_FACE},
-    shader_io::{NONE, REDUCE_LIMIT},
+    shader_io::{NONE, REDUCE_LIMIT, STRIDE},
 };
 use glam::DVec3;
 
@@ -101,6 +101,19 @@ impl Path {
     }
 }
 
+/// Largest deviation of a chord from its curve, a length, for a chord that begins at distance `travelled` from the
+/// source and a tolerance that is an angle ε seen from there.
+///
+/// The angle allows ε (travelled + s) at s along the chord, and a curve of curvature κ leaves a chord of length h by
+/// κ s (h − s) / 2 there. That stays within the angle up to the h with √(travelled + h) = √travelled + √(2ε/κ), whose
+/// greatest deviation κh²/8 is ε·travelled far from the source and ε²/2κ at the source. The model geometries have
+/// curvatures of order 1, and so the sum of both serves at any distance. It depends on nothing but the way from the
+/// source: faces that cut the path do not change it. Shadow rays have their source on the surface that they leave, where
+/// a looser chord would meet that surface again.
+pub fn deviation_at(travelled: f64, tolerance: f64) -> f64 {
+    tolerance * (travelled + 0.5 * tolerance)
+}
+
 /// Finds the end of the segment that starts at the path's state, and brings a state that rounding has left outside
 /// of its cell (at an edge or a corner) back first. At most `bounces` faces are passed; each is reported to
 /// `crossed`. `None`: the path has ended.
@@ -150,12 +163,17 @@ pub fn stage_segment<G: Geometry>(
         u = rest;
         path.end = End::Limit;
     }
-    // A geodesic that meets no face and has no limit ends here: only an unbounded cell lets it.
+    // A geodesic that meets no face and has no limit ends here: only an unbounded cell lets it. One with a limit that
+    // the curve parameter does not reach goes there in strides.
     if u.is_infinite() {
-        path.status = Status::Gone;
-        return None;
+        if path.limit.is_infinite() {
+            path.status = Status::Gone;
+            return None;
+        }
+        u = geometry.parameter_at(path.state, STRIDE.into());
+        path.end = End::Chord;
     }
-    let chord = geometry.chord(path.state, u, chord_tolerance * path.travelled.max(1e-3));
+    let chord = geometry.chord(path.state, u, deviation_at(path.travelled, chord_tolerance));
     if chord < u {
         u = chord;
         path.end = End::Chord;

@@ -203,6 +203,27 @@ fn agree_mirrored_dodecahedron() {
 }
 
 #[test]
+fn agree_sixth_turn() {
+    agrees("sixth-turn");
+}
+
+#[test]
+fn agree_hantzsche_wendt() {
+    agrees("hantzsche-wendt");
+}
+
+#[test]
+fn agree_several_cells() {
+    agrees("s3");
+}
+
+#[test]
+fn agree_whole_geometries() {
+    agrees("e3");
+    agrees("h3");
+}
+
+#[test]
 fn agree_alpha_mask() {
     agrees("leaves");
 }

@@ -9,6 +9,7 @@ mod pictures;
 mod program;
 mod reports;
 mod scenes;
+mod sequences;
 mod streams;
 mod transport;
 mod vulkan;

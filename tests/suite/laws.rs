@@ -18,7 +18,7 @@ fn isometries(id: GeometryId) -> Vec<Isometry> {
 }
 
 /// The laws that are broken, with the worst residual and the sample's number.
-fn broken<G: Geometry>(geometry: G, isometries: &[Isometry]) -> Vec<String> {
+pub fn broken<G: Geometry>(geometry: G, isometries: &[Isometry]) -> Vec<String> {
     let samples = samples(geometry, SEED, COUNT, isometries);
     let mut broken = Vec::new();
     for law in laws::<G>() {
@@ -75,7 +75,7 @@ laws_hold!(laws_of_e3, laws_of_s3, laws_of_h3);
 #[test]
 fn laws_catch_every_spoilt_function() {
     for entry in GEOMETRIES {
-        for function in FUNCTIONS {
+        for function in FUNCTIONS.iter().filter(|f| entry.id.has_quadrics() || !["ball", "tube"].contains(f)) {
             let broken = visit(entry.id, Laws { id: entry.id, spoilt: Some(function) });
             assert!(!broken.is_empty(), "{}: nobody noticed a wrong {function}", entry.name);
         }
@@ -87,7 +87,8 @@ fn laws_can_all_be_broken() {
     for entry in GEOMETRIES {
         let broken: Vec<String> =
             FUNCTIONS.iter().flat_map(|f| visit(entry.id, Laws { id: entry.id, spoilt: Some(f) })).collect();
-        for name in visit(entry.id, Names) {
+        let quadric = |name: &str| name.starts_with("ball ") || name.starts_with("tube ");
+        for name in visit(entry.id, Names).into_iter().filter(|name| entry.id.has_quadrics() || !quadric(name)) {
             assert!(broken.iter().any(|b| b.starts_with(name)), "{}: nothing breaks \"{name}\"", entry.name);
         }
     }
@@ -187,6 +188,7 @@ impl<G> Spoilt<G> {
 }
 
 impl<G: Geometry> Geometry for Spoilt<G> {
+    const STRAIGHT: bool = G::STRAIGHT;
     fn components(&self) -> usize {
         self.geometry.components()
     }
@@ -293,10 +295,10 @@ impl<G: Geometry> Geometry for Spoilt<G> {
     fn bisector(&self, q: DVec4) -> Option<DVec4> {
         self.geometry.bisector(q).map(|p| self.vector("bisector", p))
     }
-    fn ball(&self, centre: DVec4, radius: f64) -> Quadric {
-        self.quadric("ball", self.geometry.ball(centre, radius))
+    fn ball(&self, centre: DVec4, radius: f64) -> Option<Quadric> {
+        self.geometry.ball(centre, radius).map(|ball| self.quadric("ball", ball))
     }
-    fn tube(&self, axis: Geodesic, radius: f64) -> Quadric {
-        self.quadric("tube", self.geometry.tube(axis, radius))
+    fn tube(&self, axis: Geodesic, radius: f64) -> Option<Quadric> {
+        self.geometry.tube(axis, radius).map(|tube| self.quadric("tube", tube))
     }
 }

@@ -9,7 +9,9 @@
 //! - `geodesic`: errors of end points against a reference of 192 bits.
 //! - `gluing`: gluing files and Dirichlet domains.
 //! - `gltf`, `scene`: what is read, and what is refused with which words.
+//! - `hits`: hits on curved geodesics, and balls and tubes as triangles, in geometries made for the purpose.
 //! - `laws`: what every geometry must satisfy.
+//! - `observer`: walks through the faces, what closed loops pick up, camera paths.
 //! - `plan`: what scenes leave out; no device.
 //! - `polyhedra`, `spaces`: cells, the catalogue, and the proof that a gluing closes, against reference data.
 //! - `rt`: acceleration structures, moving objects, the pipeline cache, faults of the ray tracing backend.
@@ -30,7 +32,9 @@ mod corners;
 mod geodesic;
 mod gltf;
 mod gluing;
+mod hits;
 mod laws;
+mod observer;
 mod plan;
 mod polyhedra;
 mod rt;

@@ -2,6 +2,7 @@
 
 use glam::{DMat3, DVec3, DVec4};
 use holonomy::{
+    geometry::GEOMETRIES,
     scene::{MAX_TEXTURE_SIZE, Place, Scene, Shape, Wrap, file, file::SceneError, folder::Folder, shipped},
     space::{catalogue, reduce},
 };
@@ -69,7 +70,9 @@ fn missing_scenes_are_refused() {
     let message = |name| file::load(name).expect_err("a refusal").to_string();
     assert_eq!(message("no/such.toml"), "no/such.toml: no such file");
     assert_eq!(message("poincar"), "poincar: no such file, and no scene of this name: did you mean \"poincare\"?");
-    assert!(message("zzzzzz").starts_with("zzzzzz: no such file, and no scene of this name: scenes: knot, leaves, "));
+    assert!(
+        message("zzzzzz").starts_with("zzzzzz: no such file, and no scene of this name: scenes: e3, h3, half-turn, ")
+    );
 }
 
 #[test]
@@ -125,7 +128,7 @@ fn unknown_keys_name_the_nearest() {
     assert_eq!(
         refuse("[observer]\nwhatever = 3\n"),
         "my.toml:4:1: unknown key \"whatever\" in [observer]: \
-         known keys: position, cell, look, up, fov, eye-distance"
+         known keys: position, cell, look, up, fov, eye-distance, path"
     );
     assert_eq!(
         refuse("[[light]]\nkind = \"viewer\"\nposition = [0, 0, 0]\n"),
@@ -218,6 +221,7 @@ fn ranges_are_checked() {
 #[test]
 fn unknown_spaces_list_the_catalogue() {
     let known = catalogue::NAMES.join(", ");
+    let geometries = GEOMETRIES.iter().map(|entry| entry.name).collect::<Vec<_>>().join(", ");
     assert_eq!(
         refuse_whole("[space]\nmanifold = \"poincaré\"\n"),
         format!("my.toml:2:12: manifold: unknown space \"poincaré\": did you mean \"poincare\"? (known: {known})")
@@ -227,10 +231,10 @@ fn unknown_spaces_list_the_catalogue() {
         format!("my.toml:2:12: manifold: unknown space \"x\" (known: {known})")
     );
     assert_eq!(
-        refuse_whole("[space]\ngeometry = \"e3\"\n"),
-        "my.toml:2:12: geometry: whole model geometries are not available yet: give \"manifold\" or \"gluing\""
+        refuse_whole("[space]\ngeometry = \"e4\"\n"),
+        format!("my.toml:2:12: geometry: unknown value \"e4\" (known: {geometries})")
     );
-    assert_eq!(refuse_whole("[space]\n"), "my.toml:1:1: [space] needs \"manifold\" or \"gluing\"");
+    assert_eq!(refuse_whole("[space]\n"), "my.toml:1:1: [space] needs \"manifold\", \"gluing\" or \"geometry\"");
 }
 
 #[test]
@@ -570,4 +574,21 @@ proptest! {
             prop_assert_eq!(e.to_string().lines().count(), 1);
         }
     }
+}
+
+#[test]
+fn whole_geometries_are_one_cell_or_a_gluing() {
+    let scene = |text: &str| read(&format!("[space]\n{text}")).unwrap_or_else(|e| panic!("{e}"));
+    for name in ["e3", "h3"] {
+        let whole = scene(&format!("geometry = \"{name}\"\n"));
+        assert_eq!((whole.space.name.as_str(), whole.space.geometry.name()), (name, name));
+        assert_eq!(whole.space.faces().count(), 0);
+        assert_eq!(whole.settings.max_distance, Some(8.0), "rays without end are given one");
+        let far = scene(&format!("geometry = \"{name}\"\n[render]\nmax-distance = 20\n"));
+        assert_eq!(far.settings.max_distance, Some(20.0));
+    }
+    // One chart does not show the sphere.
+    let sphere = scene("geometry = \"s3\"\n");
+    assert_eq!((sphere.space.cells.len(), sphere.settings.max_distance), (8, None));
+    assert_eq!(file::load_space("h3").expect("a space").cells.len(), 1);
 }

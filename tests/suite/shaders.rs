@@ -1,6 +1,10 @@
 //! Shared structures in the compiled modules, and the contract of the geometry files.
 
-use holonomy::{geometry::GEOMETRIES, shader_io, vulkan::shader::spirv};
+use holonomy::{
+    geometry::{GEOMETRIES, Geometry, Visitor, visit},
+    shader_io,
+    vulkan::shader::spirv,
+};
 use naga::front::spv;
 use std::{collections::BTreeMap, fs, path::Path};
 
@@ -111,6 +115,16 @@ fn shaders_modules_parse() {
     }
 }
 
+/// The trait's constant.
+struct Straight;
+
+impl Visitor for Straight {
+    type Output = bool;
+    fn visit<G: Geometry>(self, _geometry: G) -> bool {
+        G::STRAIGHT
+    }
+}
+
 /// Each geometry's GLSL file defines each function of the contract in the header of e3.glsl, with its signature.
 #[test]
 fn shaders_geometries_fulfil_the_contract() {
@@ -123,6 +137,7 @@ fn shaders_geometries_fulfil_the_contract() {
         .map(|line| line[..=line.find(')').expect("a signature")].split_whitespace().collect::<Vec<_>>().join(" "))
         .collect();
     assert!(contract.len() >= 17, "{contract:?}");
+    let constant = "const bool GEO_STRAIGHT = ";
     // Type and name with the types of the arguments; the names of arguments are free.
     let shape = |signature: &str| -> String {
         let (head, arguments) = signature.split_once('(').expect("a signature");
@@ -144,5 +159,8 @@ fn shaders_geometries_fulfil_the_contract() {
             assert!(defined.contains(&shape(signature)), "{} lacks {signature}", geometry.module);
         }
         assert_eq!(defined.len(), contract.len(), "{} defines more than the contract", geometry.module);
+        let straight = source.lines().find_map(|line| line.strip_prefix(constant)).expect("the contract's constant");
+        let wanted = visit(geometry.id, Straight).to_string() + ";";
+        assert_eq!(straight, wanted, "{}: the shader's constant is not that of the trait", geometry.module);
     }
 }

@@ -502,6 +502,7 @@ pub fn rich_scene(space: &str) -> Scene {
     Scene {
         name: "rich".to_owned(),
         observer: Observer { frame: at(0.05, 0.02, 0.3), fov: 80.0, eye_distance: 0.06 },
+        path: Vec::new(),
         lights: vec![
             light(at(0.1, -0.2, 0.2), None),
             light(lamp, Some(Spot { direction: -lamp.axes[1], cos_angle: 0.5 })),

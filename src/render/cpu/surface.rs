@@ -77,6 +77,61 @@ pub(super) fn quadric_hit(segment: Segment, quadric: &WorldQuadric) -> f64 {
     [s0.min(s1), s0.max(s1)].into_iter().find(|s| visible(*s)).unwrap_or(NO_HIT)
 }
 
+/// Height of a chart point over the triangle's plane, in units of 1 / (twice its area).
+fn triangle_form([a, b, c]: [DVec3; 3], at: DVec3) -> f64 {
+    (b - a).cross(c - a).dot(at - a)
+}
+
+/// Weights of the second and third corner of a point of the triangle's plane, clamped to the triangle.
+fn triangle_weights([a, b, c]: [DVec3; 3], at: DVec3) -> DVec2 {
+    let normal = (b - a).cross(c - a);
+    let area = normal.length_squared();
+    if area == 0.0 {
+        return DVec2::ZERO;
+    }
+    let wb = (normal.dot((at - a).cross(c - a)) / area).clamp(0.0, 1.0);
+    let wc = (normal.dot((b - a).cross(at - a)) / area).clamp(0.0, 1.0 - wb);
+    DVec2::new(wb, wc)
+}
+
+/// The quadric's own form, half of whose gradient is [`Quadric::gradient`].
+fn quadric_form(quadric: &Quadric, at: DVec3) -> f64 {
+    let squares: f64 = quadric.forms.iter().map(|l| l.dot(at.extend(1.0)).powi(2)).sum();
+    squares - quadric.quadratic * at.length_squared() - quadric.constant
+}
+
+/// Steps of [`refine`]: with chords within half a pixel the third reaches f32's rounding, the fourth that of f64.
+const REFINE_STEPS: usize = 4;
+
+/// The curve parameter in `[0, u_end]` at which `value` (of a primitive's form along the curve) vanishes, near that of
+/// the chord's hit.
+///
+/// Secant steps, the first one with the slope along the chord, `rate`. For chords of length h the start is off by
+/// O(h²), the first step by O(h³), the second by O(h⁵), each further one by the product of the two before it. Steps stay
+/// in the chord's range. What comes out is the best of all steps, so a curve that passes by a surface that its chord
+/// just touches ends no farther from it than the chord's tolerance.
+pub fn refine(value: impl Fn(f64) -> f64, start: f64, rate: f64, u_end: f64, steps: usize) -> f64 {
+    let mut u = start.clamp(0.0, u_end);
+    let (mut off, mut slope) = (value(u), rate);
+    let mut best = (u, off.abs());
+    for _ in 0..steps {
+        if off == 0.0 || slope == 0.0 {
+            break;
+        }
+        let next = (u - off / slope).clamp(0.0, u_end);
+        let off_next = value(next);
+        if next == u || off_next.is_nan() {
+            break;
+        }
+        slope = (off_next - off) / (next - u);
+        (u, off) = (next, off_next);
+        if off.abs() < best.1 {
+            best = (u, off.abs());
+        }
+    }
+    best.0
+}
+
 /// Whether a triangle has a hole where the segment meets it.
 pub(super) fn is_hole(world: &World, shading: &TriangleShading, weights: DVec2) -> bool {
     let material = &world.materials[shading.material as usize];
@@ -120,32 +175,65 @@ fn wrap(i: i64, n: i64, mode: Wrap) -> usize {
 }
 
 impl<G: Geometry> Tracer<'_, G> {
+    /// What vanishes on a primitive's surface, at a chart point: curves are brought onto the surface by [`refine`].
+    fn form(&self, reference: u32, at: DVec3) -> f64 {
+        if reference & QUADRIC_BIT != 0 {
+            quadric_form(&self.quadric(reference).surface, at)
+        } else {
+            triangle_form(self.meshes.triangles[reference as usize], at)
+        }
+    }
+
+    /// Curve parameter at which the path meets the primitive that its chord meets at `s`.
+    fn refined(&self, path: &Path, segment: Segment, reference: u32, s: f64) -> f64 {
+        let along = |s: f64| self.form(reference, segment.origin + segment.direction * s);
+        let value = |u: f64| self.form(reference, self.geometry.chart(self.geometry.advance(path.state, u).point));
+        // Slope of the form along the chord: of a plane's exactly, of a quadric's at the hit by central differences.
+        let rate = (along(s + 0.01) - along(s - 0.01)) / 0.02;
+        refine(value, s * path.u_end, rate / path.u_end, path.u_end, REFINE_STEPS)
+    }
+
     /// Moves the path's state to the hit and reads the surface there.
     pub(super) fn stage_closest_hit(&self, path: &mut Path, segment: Segment, reference: u32) -> Surface {
-        let (s, conormal, away, material, object, uv) = if reference & QUADRIC_BIT != 0 {
+        let is_quadric = reference & QUADRIC_BIT != 0;
+        let (s, mut weights) = if is_quadric {
+            (quadric_hit(segment, self.quadric(reference)), DVec2::ZERO)
+        } else {
+            triangle_hit(segment, self.meshes.triangles[reference as usize])
+        };
+
+        // The state at the hit, on the geodesic itself.
+        let mut at = segment.origin + segment.direction * s;
+        let u = if G::STRAIGHT {
+            self.geometry.parameter(path.state, at)
+        } else {
+            self.refined(path, segment, reference, s)
+        };
+        path.travelled += self.geometry.length(path.state, u);
+        path.state = self.geometry.advance(path.state, u);
+        path.status = Status::Hit;
+        if !G::STRAIGHT {
+            at = self.geometry.chart(path.state.point);
+        }
+
+        let (conormal, away, material, object, uv) = if is_quadric {
             let quadric = self.quadric(reference);
-            let s = quadric_hit(segment, quadric);
-            let conormal = quadric.surface.gradient(segment.origin + segment.direction * s);
-            let away = conormal.dot(segment.direction) > 0.0;
-            (s, conormal, away, quadric.material, quadric.object, DVec2::ZERO)
+            let conormal = quadric.surface.gradient(at);
+            (conormal, conormal.dot(segment.direction) > 0.0, quadric.material, quadric.object, DVec2::ZERO)
         } else {
             let corners = self.meshes.triangles[reference as usize];
             let shading = &self.meshes.shading[reference as usize];
-            let (s, weights) = triangle_hit(segment, corners);
+            if !G::STRAIGHT {
+                weights = triangle_weights(corners, at);
+            }
             let [a, b, c] =
                 [shading.conormal_a, shading.conormal_b, shading.conormal_c].map(|n| Vec3::from(n).as_dvec3());
             let conormal = a + (b - a) * weights.x + (c - a) * weights.y;
             // Which side is seen follows from the plane of the triangle, not from the interpolated normal.
             let plane = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
             let away = (plane.dot(segment.direction) > 0.0) == (plane.dot(conormal) > 0.0);
-            (s, conormal, away, shading.material, shading.object, uv_at(shading, weights))
+            (conormal, away, shading.material, shading.object, uv_at(shading, weights))
         };
-
-        // The state at the hit, on the geodesic itself.
-        let u = self.geometry.parameter(path.state, segment.origin + segment.direction * s);
-        path.travelled += self.geometry.length(path.state, u);
-        path.state = self.geometry.advance(path.state, u);
-        path.status = Status::Hit;
 
         let conormal = if away { -conormal } else { conormal };
         let mut surface = Surface {

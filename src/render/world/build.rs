@@ -3,18 +3,18 @@
 use super::{
     Mover, Pose, World, WorldCell, WorldError, WorldLight, WorldQuadric,
     meshes::{Meshes, RestMesh},
-    place::{Balls, Copy, Corners, copies},
+    place::{Balls, Copy, Corners, Sphere, copies},
 };
 use crate::{
-    geometry::{Geodesic, Geometry, Isometry, Quadric, Visitor, carry, visit},
+    geometry::{Geodesic, Geometry, Isometry, Visitor, carry, visit},
     render::{
-        bvh::{self, Aabb},
+        bvh,
         plan::{Feature, Plan},
     },
     scene::{Object, Place, Scene, Shape},
     space::{deck, domain::Domain, observer::Frame, polyhedron::Polyhedron, reduce::reduce_frame},
 };
-use glam::{DMat3, DQuat, DVec3, DVec4};
+use glam::{DMat3, DQuat, DVec4};
 use std::{
     collections::HashMap,
     sync::{Arc, OnceLock},
@@ -26,7 +26,20 @@ impl World {
     /// # Errors
     /// [`WorldError`]: an object or a light reaches into too many cells, or a cell is no polyhedron.
     pub fn new(scene: &Scene, plan: &Plan, observer: Frame) -> Result<Self, WorldError> {
-        visit(scene.space.geometry, Build { scene, plan, pose: Pose { observer, time: 0.0 }, last: None })
+        visit(scene.space.geometry, Build { scene, plan, pose: Pose { observer, time: 0.0 }, moving: false })
+    }
+
+    /// The same with a geometry in place of that of the scene's space, whose coordinates it must share.
+    ///
+    /// # Errors
+    /// As [`World::new`].
+    pub fn in_geometry<G: Geometry>(
+        geometry: G,
+        scene: &Scene,
+        plan: &Plan,
+        observer: Frame,
+    ) -> Result<Self, WorldError> {
+        Builder::new(geometry, scene, plan, &Motions::Frozen)?.build(Pose { observer, time: 0.0 })
     }
 
     /// Prepares `scene` for a sequence of pictures: objects in motion and objects attached to the observer can be
@@ -35,7 +48,7 @@ impl World {
     /// # Errors
     /// As [`World::new`].
     pub fn moving(scene: &Scene, plan: &Plan, pose: Pose) -> Result<Self, WorldError> {
-        visit(scene.space.geometry, Build { scene, plan, pose, last: Some(&[]) })
+        visit(scene.space.geometry, Build { scene, plan, pose, moving: true })
     }
 
     /// The same scene in another pose; what rests is shared with this world. For worlds made by [`World::moving`].
@@ -47,7 +60,8 @@ impl World {
         impl Visitor for Again<'_> {
             type Output = Result<World, WorldError>;
             fn visit<G: Geometry>(self, geometry: G) -> Self::Output {
-                Builder::new(geometry, self.1, &self.0.plan)?.pose_again(self.0, self.2)
+                let motions = Motions::Again(&self.0.movers);
+                Builder::new(geometry, self.1, &self.0.plan, &motions)?.pose_again(self.0, self.2)
             }
         }
         visit(scene.space.geometry, Again(self, scene, pose))
@@ -58,38 +72,52 @@ struct Build<'a> {
     scene: &'a Scene,
     plan: &'a Plan,
     pose: Pose,
-    /// Movers of the last pose; none if nothing shall move.
-    last: Option<&'a [Mover]>,
+    moving: bool,
+}
+
+/// What a world does about objects that move.
+pub(super) enum Motions<'a> {
+    /// It is for a single picture.
+    Frozen,
+    /// It is the first of a sequence.
+    First,
+    /// It is another pose of a world with these movers: what rests is there already.
+    Again(&'a [Mover]),
 }
 
 impl Visitor for Build<'_> {
     type Output = Result<World, WorldError>;
     fn visit<G: Geometry>(self, geometry: G) -> Self::Output {
-        Builder::new(geometry, self.scene, self.plan)?.build(self.pose, self.last)
+        let motions = if self.moving { Motions::First } else { Motions::Frozen };
+        Builder::new(geometry, self.scene, self.plan, &motions)?.build(self.pose)
     }
 }
 
-struct Builder<'a, G> {
-    geometry: G,
+/// A world while it is built.
+pub(super) struct Builder<'a, G> {
+    pub geometry: G,
     scene: &'a Scene,
     plan: &'a Plan,
-    domain: Domain,
-    polyhedra: Vec<Polyhedron>,
+    motions: &'a Motions<'a>,
+    pub domain: Domain,
+    /// Shapes of the cells; a cell without end has none.
+    pub polyhedra: Vec<Option<Polyhedron>>,
     meshes: Meshes,
     /// For each mesh and scale, how its first copy came to its place: the frame of its object, the copy's isometry, and
     /// the copy's index.
     first_copies: HashMap<(usize, u64), (Frame, Isometry, usize)>,
     movers: Vec<Mover>,
-    quadrics: Vec<WorldQuadric>,
+    pub quadrics: Vec<WorldQuadric>,
 }
 
 impl<'a, G: Geometry> Builder<'a, G> {
-    fn new(geometry: G, scene: &'a Scene, plan: &'a Plan) -> Result<Self, WorldError> {
-        let polyhedra = scene.space.cells.iter().map(Polyhedron::new).collect::<Result<Vec<_>, _>>()?;
+    fn new(geometry: G, scene: &'a Scene, plan: &'a Plan, motions: &'a Motions<'a>) -> Result<Self, WorldError> {
+        let polyhedra = scene.space.cells.iter().map(Polyhedron::bounded).collect::<Result<Vec<_>, _>>()?;
         Ok(Self {
             geometry,
             scene,
             plan,
+            motions,
             domain: Domain::new(&scene.space),
             polyhedra,
             meshes: Meshes::default(),
@@ -99,8 +127,8 @@ impl<'a, G: Geometry> Builder<'a, G> {
         })
     }
 
-    fn build(mut self, pose: Pose, last: Option<&[Mover]>) -> Result<World, WorldError> {
-        self.place_objects(pose, |_| true, last)?;
+    fn build(mut self, pose: Pose) -> Result<World, WorldError> {
+        self.place_objects(pose)?;
         self.check_number(&self.meshes)?;
         let is_quadric = |object: &Object| !matches!(object.shape, Shape::Mesh(_));
         let quadrics_move = self.scene.objects.iter().any(|object| is_quadric(object) && object.moves());
@@ -127,16 +155,14 @@ impl<'a, G: Geometry> Builder<'a, G> {
             },
             lights: Arc::new(lights),
             posed: OnceLock::new(),
-            quadrics_move: last.is_some() && quadrics_move,
+            quadrics_move: !matches!(self.motions, Motions::Frozen) && quadrics_move,
             hierarchy: OnceLock::new(),
         })
     }
 
     /// The pose of `last` again: what rests is taken over.
     fn pose_again(mut self, last: &World, pose: Pose) -> Result<World, WorldError> {
-        // Quadrics are few and are all placed again; meshes only where they move.
-        let moves = |object: &Object| !matches!(object.shape, Shape::Mesh(_)) || object.moves();
-        self.place_objects(pose, moves, Some(&last.movers))?;
+        self.place_objects(pose)?;
         self.check_number(&last.still)?;
         Ok(World {
             geometry: last.geometry,
@@ -156,31 +182,36 @@ impl<'a, G: Geometry> Builder<'a, G> {
         })
     }
 
-    fn place_objects(
-        &mut self,
-        pose: Pose,
-        placed: impl Fn(&Object) -> bool,
-        last: Option<&[Mover]>,
-    ) -> Result<(), WorldError> {
-        for (index, object) in self.scene.objects.iter().enumerate().filter(|(_, object)| placed(object)) {
+    fn place_objects(&mut self, pose: Pose) -> Result<(), WorldError> {
+        for (index, object) in self.scene.objects.iter().enumerate() {
+            // Quadrics are few and are all placed again in each pose; triangles only where they move.
+            let divided = matches!(object.shape, Shape::Mesh(_)) || !self.has_quadrics();
+            if divided && !object.moves() && matches!(self.motions, Motions::Again(_)) {
+                continue;
+            }
             let frame = self.frame_of(object, pose)?;
             match object.shape {
-                Shape::Mesh(mesh) => match last.filter(|_| object.moves()) {
-                    Some(last) => self.add_mover(index, object, mesh, frame, last)?,
-                    None => self.add_mesh(index, object, mesh, frame)?,
-                },
-                Shape::Ball { radius } => self.add_balls(index, object, frame.cell, &[frame.point], radius)?,
+                Shape::Mesh(mesh) if object.moves() && !matches!(self.motions, Motions::Frozen) => {
+                    self.add_mover(index, object, mesh, frame)?;
+                }
+                Shape::Mesh(mesh) => self.add_mesh(index, object, mesh, frame)?,
+                Shape::Ball { radius } => {
+                    self.add_ball(index, object, frame.cell, frame.point, radius)?;
+                }
                 Shape::Tube { radius, length } => {
                     let axis = Geodesic { point: frame.point, velocity: frame.axes[2] };
                     self.add_tube(index, object, frame.cell, axis, length, radius)?;
-                    let ends = [frame.point, self.geometry.flow(axis, length).point];
-                    self.add_balls(index, object, frame.cell, &ends, radius)?;
                 }
                 Shape::DomainEdges { radius } => self.add_edges(index, object, frame.cell, radius)?,
             }
         }
         self.quadrics.sort_by_key(|q| (q.cell, q.material));
         Ok(())
+    }
+
+    /// Whether balls and tubes are quadrics of the chart; else they are divided into triangles.
+    fn has_quadrics(&self) -> bool {
+        self.geometry.ball(self.geometry.base(), 0.1).is_some()
     }
 
     fn check_number(&self, meshes: &Meshes) -> Result<(), WorldError> {
@@ -238,14 +269,8 @@ impl<'a, G: Geometry> Builder<'a, G> {
     }
 
     /// Adds an object that moves. Where an isometry carries it from its rest in the last pose, it keeps that rest.
-    fn add_mover(
-        &mut self,
-        index: usize,
-        object: &Object,
-        mesh: usize,
-        frame: Frame,
-        last: &[Mover],
-    ) -> Result<(), WorldError> {
+    fn add_mover(&mut self, index: usize, object: &Object, mesh: usize, frame: Frame) -> Result<(), WorldError> {
+        let last = if let Motions::Again(last) = self.motions { *last } else { &[] };
         let known = last.iter().find(|mover| mover.rest.object == index as u32);
         let kept = known.and_then(|mover| {
             let carried = carry(self.geometry, mover.rest.frame.axes_at(), frame.axes_at())?;
@@ -262,101 +287,18 @@ impl<'a, G: Geometry> Builder<'a, G> {
         Ok(())
     }
 
-    /// Tubes around the edges of a cell, and balls at its vertices.
-    fn add_edges(&mut self, index: usize, object: &Object, cell: usize, radius: f64) -> Result<(), WorldError> {
-        let polyhedron = self.polyhedra[cell].clone();
-        let vertices: Vec<DVec4> = polyhedron.vertices.iter().filter_map(|c| self.geometry.unchart(*c)).collect();
-        if vertices.len() != polyhedron.vertices.len() {
-            return Err(WorldError::OutsideChart(object.name.clone()));
-        }
-        for edge in &polyhedron.edges {
-            let [a, b] = edge.vertices.map(|v| vertices[v]);
-            let (velocity, length) = self.geometry.log(a, b);
-            self.add_tube(index, object, cell, Geodesic { point: a, velocity }, length, radius)?;
-        }
-        self.add_balls(index, object, cell, &vertices, radius)
-    }
-
-    fn add_balls(
-        &mut self,
-        index: usize,
-        object: &Object,
-        cell: usize,
-        centres: &[DVec4],
-        radius: f64,
-    ) -> Result<(), WorldError> {
-        let geometry = self.geometry;
-        for centre in centres {
-            let extent = Balls { centres: &[*centre], radius };
-            for copy in copies(geometry, &self.domain, cell, &extent, &object.name)? {
-                let image = geometry.apply(&copy.isometry, Geodesic { point: *centre, velocity: DVec4::ZERO }).point;
-                let ball = geometry.ball(image, radius);
-                self.add_quadric(index, object, copy, ball, [DVec4::W; 2], ball_box(&ball));
+    /// Adds a surface that was divided into triangles; returns the copies of it that reach into cells.
+    pub(super) fn add_divided(&mut self, object: &Object, rest: RestMesh) -> Result<Vec<Copy>, WorldError> {
+        let corners = Corners { rest: &rest, carried: Isometry::IDENTITY };
+        let copies = copies(self.geometry, &self.domain, rest.frame.cell, &corners, &object.name)?;
+        if object.moves() && !matches!(self.motions, Motions::Frozen) {
+            self.movers.push(Mover { rest: Arc::new(rest), copies: copies.clone() });
+        } else {
+            for copy in &copies {
+                self.meshes.add(self.geometry, &self.domain, &rest, copy, None);
             }
         }
-        Ok(())
-    }
-
-    fn add_tube(
-        &mut self,
-        index: usize,
-        object: &Object,
-        cell: usize,
-        axis: Geodesic,
-        length: f64,
-        radius: f64,
-    ) -> Result<(), WorldError> {
-        let geometry = self.geometry;
-        // A tube lies inside the union of balls along its axis, with half of their spacing added to the radius.
-        const BALLS: usize = 48;
-        let spacing = length / BALLS as f64;
-        let along: Vec<DVec4> = (0..=BALLS).map(|i| geometry.flow(axis, spacing * i as f64).point).collect();
-        let wide = radius + 0.5 * spacing;
-        let extent = Balls { centres: &along, radius: wide };
-        for copy in copies(geometry, &self.domain, cell, &extent, &object.name)? {
-            let start = geometry.apply(&copy.isometry, axis);
-            let end = geometry.flow(start, length);
-            let clip = |g: Geodesic, sign: f64| {
-                let conormal = geometry.lower(g.point, g.velocity) * sign;
-                conormal.extend(-conormal.dot(geometry.chart(g.point)))
-            };
-            let bounds = (0..=BALLS)
-                .map(|i| ball_box(&geometry.ball(geometry.flow(start, spacing * i as f64).point, wide)))
-                .fold(Aabb::EMPTY, Aabb::union);
-            let clips = [clip(start, 1.0), clip(end, -1.0)];
-            self.add_quadric(index, object, copy, geometry.tube(start, radius), clips, bounds);
-        }
-        Ok(())
-    }
-
-    /// Adds a quadric to a cell unless the same surface is there already (edges of a cell are copies of one another).
-    fn add_quadric(
-        &mut self,
-        index: usize,
-        object: &Object,
-        copy: Copy,
-        surface: Quadric,
-        clip: [DVec4; 2],
-        bounds: Aabb,
-    ) {
-        // Quadrics have a material of their own: the scene reader refuses them without.
-        let material = object.material.unwrap_or(0) as u32;
-        let same = |a: DVec4, b: DVec4| (a - b).abs().max_element() < 1e-9;
-        // Frames that name the same surface may be turned against each other, so its matrix is compared.
-        let form = surface.matrix();
-        let is_known = self.quadrics.iter().any(|known| {
-            known.cell == copy.cell
-                && known.object == index as u32
-                && (0..4).all(|i| same(known.surface.matrix().col(i), form.col(i)))
-                && (same(known.clip[0], clip[0]) && same(known.clip[1], clip[1])
-                    || same(known.clip[0], clip[1]) && same(known.clip[1], clip[0]))
-        });
-        let bounds = bounds.intersection(Aabb::around(self.polyhedra[copy.cell].vertices.iter().copied()));
-        if is_known || bounds.lower.cmpgt(bounds.upper).any() {
-            return;
-        }
-        let object = index as u32;
-        self.quadrics.push(WorldQuadric { surface, clip, bounds, cell: copy.cell, material, object });
+        Ok(copies)
     }
 
     /// All images of all lights that reach into each cell.
@@ -364,9 +306,15 @@ impl<'a, G: Geometry> Builder<'a, G> {
         let mut per_cell: Vec<Vec<WorldLight>> = self.polyhedra.iter().map(|_| Vec::new()).collect();
         if self.plan.uses(Feature::Lights) {
             for (number, light) in self.scene.lights.iter().enumerate() {
-                let extent = Balls { centres: &[light.point], radius: light.range };
                 let name = format!("light {number}");
-                for copy in copies(self.geometry, &self.domain, light.cell, &extent, &name)? {
+                let copies = if self.geometry.ball(light.point, light.range).is_some() {
+                    let extent = Balls { centres: &[light.point], radius: light.range };
+                    copies(self.geometry, &self.domain, light.cell, &extent, &name)?
+                } else {
+                    let extent = Sphere::new(self.geometry, light.point, light.range);
+                    copies(self.geometry, &self.domain, light.cell, &extent, &name)?
+                };
+                for copy in copies {
                     let velocity = light.spot.map_or(DVec4::ZERO, |spot| spot.direction);
                     let image = self.geometry.apply(&copy.isometry, Geodesic { point: light.point, velocity });
                     per_cell[copy.cell].push(WorldLight {
@@ -398,22 +346,4 @@ fn closeness_at<G: Geometry>(geometry: G, distance: f64) -> f64 {
     let point = geometry.flow(Geodesic { point: base, velocity: geometry.frame(base)[0] }, distance).point;
     let reached = geometry.distance(base, point) > distance * (1.0 - 1e-9);
     if reached { geometry.closeness(base, point) } else { f64::NEG_INFINITY }
-}
-
-/// The box of an ellipsoid in the chart: its tangent planes are the zeros of the inverse matrix.
-fn ball_box(ball: &Quadric) -> Aabb {
-    let dual = ball.matrix().inverse();
-    let mut bounds = Aabb { lower: DVec3::NEG_INFINITY, upper: DVec3::INFINITY };
-    for axis in 0..3 {
-        // Planes x_axis = s: dual_aa − 2 s dual_aw + s² dual_ww = 0.
-        let (aa, aw, ww) = (dual.col(axis)[axis], dual.col(3)[axis], dual.col(3)[3]);
-        let root = (aw * aw - aa * ww).max(0.0).sqrt();
-        let ends = [(aw + root) / ww, (aw - root) / ww];
-        // An unbounded quadric (a ball that reaches the horizon) keeps the infinite box.
-        if ww < 0.0 && ends.iter().all(|e| e.is_finite()) {
-            bounds.lower[axis] = ends[0].min(ends[1]);
-            bounds.upper[axis] = ends[0].max(ends[1]);
-        }
-    }
-    bounds
 }

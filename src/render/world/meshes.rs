@@ -1,24 +1,19 @@
 //! Meshes in the charts of the cells: at rest in the space, and as triangles of each copy that reaches into a cell.
 
-use super::place::{Copy, TOUCHING, all_beyond_one_face, beyond_one_face};
+pub use super::embed::Placed;
+use super::{
+    embed::embed,
+    place::{Copy, TOUCHING, all_beyond_one_face, beyond_one_face},
+};
 use crate::{
     geometry::{Geodesic, Geometry, exponential},
-    scene::Mesh,
+    scene::{Mesh, Vertex},
     shader_io::TriangleShading,
     space::{domain::Domain, observer::Frame},
 };
-use glam::{DAffine3, DMat3, DVec3, DVec4};
+use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 use std::ops::Range;
-
-/// A vertex in the space: position and normal, in the model.
-#[derive(Clone, Copy, Debug)]
-pub struct Placed {
-    /// The point.
-    pub point: DVec4,
-    /// Unit normal, a tangent vector there.
-    pub normal: DVec4,
-}
 
 /// A triangle of a mesh at rest.
 #[derive(Clone, Copy, Debug)]
@@ -40,7 +35,8 @@ pub struct Part {
     pub triangles: Range<usize>,
 }
 
-/// A mesh put into the space by the exponential map at a frame. Isometries carry it from there.
+/// A mesh put into the space by the exponential map at a frame, or a surface divided into triangles there. Isometries
+/// carry it from there.
 #[derive(Clone, Debug)]
 pub struct RestMesh {
     /// Index of the scene's object.
@@ -63,8 +59,12 @@ impl RestMesh {
         scale: f64,
         material: Option<usize>,
     ) -> Self {
-        let vertices =
-            mesh.vertices.par_iter().map(|v| place_vertex(geometry, frame, v.position * scale, v.normal)).collect();
+        let map = |x: DVec3| exponential(geometry, frame.point, frame.vector(x));
+        let place = |vertex: &Vertex| {
+            let position = vertex.position * scale;
+            embed(geometry, map, position, vertex.normal, 1e-5 * position.length().max(1e-3))
+        };
+        let vertices = mesh.vertices.par_iter().map(place).collect();
         let mut triangles: Vec<RestTriangle> = mesh
             .triangles
             .iter()
@@ -186,18 +186,4 @@ impl Meshes {
         };
         triangles.filter(move |index| !outside(*index))
     }
-}
-
-/// A vertex brought into the space by the exponential map at the object's frame. Its normal follows as a covector
-/// by the inverse transpose of the map's differential, taken by central differences: accurate to 1e-9 and valid in
-/// every geometry.
-fn place_vertex<G: Geometry>(geometry: G, frame: Frame, position: DVec3, normal: DVec3) -> Placed {
-    let at = |x: DVec3| exponential(geometry, frame.point, frame.vector(x));
-    let point = at(position);
-    let h = 1e-5 * position.length().max(1e-3);
-    let column = |e: DVec3| (geometry.chart(at(position + e * h)) - geometry.chart(at(position - e * h))) / (2.0 * h);
-    let differential = DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z));
-    let conormal = differential.inverse().transpose() * normal;
-    let usable = conormal.is_finite() && conormal.length_squared() > 0.0;
-    Placed { point, normal: geometry.raise(point, if usable { conormal } else { DVec3::Z }) }
 }

@@ -6,9 +6,12 @@
 //! and the triangles of objects that move ([`World::meshes`]), which devices place themselves.
 
 mod build;
+mod embed;
 pub mod hierarchy;
 pub mod meshes;
 mod place;
+mod shapes;
+pub mod tessellate;
 
 use crate::{
     geometry::{Geometry, GeometryId, Quadric, Visitor, visit},
@@ -151,6 +154,12 @@ pub enum WorldError {
     /// An object's place cannot be brought into the domain.
     #[error("{0} has no place in the domain: the pairings do not lead back to it")]
     Lost(String),
+    /// A ball or a tube is wider than the geodesics that make it can be drawn.
+    #[error("{0}: the radius {1} is too large here: geodesics of this length meet again or leave the chart")]
+    TooWide(String, f64),
+    /// The edges of a cell without end.
+    #[error("{0}: the cell has no end, and so its edges cannot be drawn")]
+    NoEdges(String),
     /// A cell's vertices lie outside of the chart.
     #[error("{0}: a vertex of the cell lies outside of the chart")]
     OutsideChart(String),

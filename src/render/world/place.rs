@@ -2,7 +2,7 @@
 
 use super::{WorldError, meshes::RestMesh};
 use crate::{
-    geometry::{Geometry, Isometry},
+    geometry::{Geometry, Isometry, exponential},
     space::{deck::Elements, domain::Domain},
 };
 use glam::DVec4;
@@ -121,8 +121,8 @@ impl Balls<'_> {
     /// For one ball: beyond the plane altogether (1), cut by it (0), or inside altogether (−1).
     fn side<G: Geometry>(&self, geometry: G, centre: DVec4, plane: DVec4) -> i32 {
         // A plane touches the quadric exactly if it is on the dual quadric (inverse matrix).
-        let dual = plane.dot(geometry.ball(centre, self.radius).matrix().inverse() * plane);
-        if !dual.is_finite() || dual >= -1e-9 {
+        let dual = geometry.ball(centre, self.radius).map(|ball| plane.dot(ball.dual() * plane));
+        if !dual.is_some_and(|dual| dual < -1e-9) {
             0
         } else if geometry.side(centre, plane) > 0.0 {
             1
@@ -146,6 +146,54 @@ impl<G: Geometry> Extent<G> for Balls<'_> {
             let centre = geometry.apply(&copy.isometry, at(*centre)).point;
             self.side(geometry, centre, plane) >= 0
         })
+    }
+}
+
+/// A metric ball that is no quadric, by points of its surface.
+pub struct Sphere {
+    points: Vec<DVec4>,
+}
+
+impl Sphere {
+    /// Points of the sphere, so many that their hull is within [`SPHERE_SLACK`] of the ball.
+    pub fn new<G: Geometry>(geometry: G, centre: DVec4, radius: f64) -> Self {
+        const COUNT: usize = 400;
+        let axes = geometry.frame(centre);
+        // A spiral of points with equal areas (Saff and Kuijlaars, Distributing many points on a sphere, 1997).
+        let point = |i: usize| {
+            let z = 1.0 - (2.0 * i as f64 + 1.0) / COUNT as f64;
+            let (sin, cos) = (i as f64 * std::f64::consts::PI * (3.0 - 5.0_f64.sqrt())).sin_cos();
+            let across = (1.0 - z * z).sqrt();
+            exponential(geometry, centre, (axes[0] * (cos * across) + axes[1] * (sin * across) + axes[2] * z) * radius)
+        };
+        Self { points: (0..COUNT).map(point).collect() }
+    }
+
+    /// Range of the plane's form over the ball; unbounded where the ball leaves the numbers.
+    fn sides<G: Geometry>(&self, geometry: G, copy: &Copy, plane: DVec4) -> [f64; 2] {
+        let side = |p: &DVec4| geometry.side(geometry.apply(&copy.isometry, at(*p)).point, plane);
+        let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+        for side in self.points.iter().map(side) {
+            if !side.is_finite() {
+                return [f64::NEG_INFINITY, f64::INFINITY];
+            }
+            range = [range[0].min(side), range[1].max(side)];
+        }
+        let slack = SPHERE_SLACK * (range[1] - range[0]);
+        [range[0] - slack, range[1] + slack]
+    }
+}
+
+/// How far a ball may reach beyond the points of its sphere, in units of its width.
+const SPHERE_SLACK: f64 = 0.01;
+
+impl<G: Geometry> Extent<G> for Sphere {
+    fn reaches_into(&self, geometry: G, domain: &Domain, copy: &Copy) -> bool {
+        domain.cells[copy.cell].clone().all(|f| self.sides(geometry, copy, domain.faces[f].plane)[0] <= 0.0)
+    }
+
+    fn reaches_beyond(&self, geometry: G, domain: &Domain, copy: &Copy, face: usize) -> bool {
+        self.sides(geometry, copy, domain.faces[face].plane)[1] >= 0.0
     }
 }
 

@@ -18,6 +18,9 @@ pub enum CheckError {
     /// No cell, or one that the others do not reach.
     #[error("{0}")]
     Disconnected(String),
+    /// A cell without faces.
+    #[error("cell {0} has no faces: it is the whole geometry, in which nothing is glued")]
+    Whole(usize),
     /// A corner of a cell is not a point of the geometry.
     #[error("{}: its corner at {corner} in the chart is at infinity or beyond", face_name(*face))]
     AtInfinity {

@@ -3,7 +3,7 @@
 use super::{CheckError, TOLERANCE, deviation, image, keeps_orientation, largest, within};
 use crate::geometry::{Geometry, Isometry};
 use crate::space::polyhedron::Polyhedron;
-use crate::space::{FaceId, Space};
+use crate::space::{Cell, FaceId, Space};
 
 /// Images of corners, by cell, face and place in the face's outline.
 pub(super) type CornerImages = Vec<Vec<Vec<usize>>>;
@@ -13,7 +13,10 @@ pub(super) fn shapes<G: Geometry>(geometry: G, space: &Space) -> Result<Vec<Poly
     if space.cells.is_empty() {
         return Err(CheckError::Disconnected("the space has no cells".to_owned()));
     }
-    let shape = |(cell, c)| {
+    let shape = |(cell, c): (usize, &Cell)| {
+        if c.faces.is_empty() {
+            return Err(CheckError::Whole(cell));
+        }
         let shape = Polyhedron::new(c).map_err(|reason| CheckError::Cell { cell, reason })?;
         for (face, outline) in shape.face_vertices.iter().enumerate() {
             for &v in outline {

@@ -1,0 +1,239 @@
+//! Balls, tubes and the edges of cells: quadrics where the geometry has them, triangles elsewhere.
+
+use super::{
+    WorldError, WorldQuadric,
+    build::Builder,
+    meshes::{RestMesh, RestTriangle},
+    place::{Balls, Copy, copies},
+    tessellate::{self, Surface},
+};
+use crate::{
+    geometry::{Geodesic, Geometry, Quadric},
+    render::bvh::Aabb,
+    scene::Object,
+    space::observer::Frame,
+};
+use glam::{DVec3, DVec4};
+
+impl<G: Geometry> Builder<'_, G> {
+    /// A metric ball.
+    pub(super) fn add_ball(
+        &mut self,
+        index: usize,
+        object: &Object,
+        cell: usize,
+        centre: DVec4,
+        radius: f64,
+    ) -> Result<Vec<Copy>, WorldError> {
+        let geometry = self.geometry;
+        if geometry.ball(centre, radius).is_none() {
+            return self.add_surface(index, object, cell, tessellate::ball(geometry, centre, radius), radius);
+        }
+        let extent = Balls { centres: &[centre], radius };
+        let copies = copies(geometry, &self.domain, cell, &extent, &object.name)?;
+        for copy in &copies {
+            let image = geometry.apply(&copy.isometry, Geodesic { point: centre, velocity: DVec4::ZERO }).point;
+            if let Some(ball) = geometry.ball(image, radius) {
+                self.add_quadric(index, object, copy, ball, [DVec4::W; 2], ball_box(&ball));
+            }
+        }
+        Ok(copies)
+    }
+
+    /// A tube around a piece of geodesic, with balls at its ends.
+    pub(super) fn add_tube(
+        &mut self,
+        index: usize,
+        object: &Object,
+        cell: usize,
+        axis: Geodesic,
+        length: f64,
+        radius: f64,
+    ) -> Result<(), WorldError> {
+        let geometry = self.geometry;
+        match geometry.tube(axis, radius) {
+            Some(_) => self.add_quadric_tube(index, object, cell, axis, length, radius)?,
+            None => {
+                let surface = tessellate::tube(geometry, |t| geometry.flow(axis, t * length), radius);
+                self.add_surface(index, object, cell, surface, radius)?;
+            }
+        }
+        for end in [axis.point, geometry.flow(axis, length).point] {
+            self.add_ball(index, object, cell, end, radius)?;
+        }
+        Ok(())
+    }
+
+    /// Tubes around the edges of a cell, and balls at its vertices.
+    pub(super) fn add_edges(
+        &mut self,
+        index: usize,
+        object: &Object,
+        cell: usize,
+        radius: f64,
+    ) -> Result<(), WorldError> {
+        let geometry = self.geometry;
+        let Some(polyhedron) = self.polyhedra[cell].clone() else {
+            return Err(WorldError::NoEdges(object.name.clone()));
+        };
+        let vertices: Vec<DVec4> = polyhedron.vertices.iter().filter_map(|c| geometry.unchart(*c)).collect();
+        if vertices.len() != polyhedron.vertices.len() {
+            return Err(WorldError::OutsideChart(object.name.clone()));
+        }
+        // Edges that are copies of one another under the pairings are made once; likewise vertices.
+        let mut made = Made::default();
+        for edge in &polyhedron.edges {
+            let ends = edge.vertices.map(|v| polyhedron.vertices[v]);
+            let [a, b] = edge.vertices.map(|v| vertices[v]);
+            let (velocity, length) = geometry.log(a, b);
+            let axis = Geodesic { point: a, velocity };
+            if G::STRAIGHT && geometry.tube(axis, radius).is_some() {
+                self.add_quadric_tube(index, object, cell, axis, length, radius)?;
+            } else if !made.has(cell, &ends) {
+                let surface = tessellate::tube(geometry, |t| chart_line(geometry, ends, t), radius);
+                made.add(geometry, &self.add_surface(index, object, cell, surface, radius)?, &[a, b]);
+            }
+        }
+        for (centre, place) in vertices.iter().zip(&polyhedron.vertices) {
+            if !made.has(cell, &[*place]) {
+                made.add(geometry, &self.add_ball(index, object, cell, *centre, radius)?, &[*centre]);
+            }
+        }
+        Ok(())
+    }
+
+    fn add_quadric_tube(
+        &mut self,
+        index: usize,
+        object: &Object,
+        cell: usize,
+        axis: Geodesic,
+        length: f64,
+        radius: f64,
+    ) -> Result<(), WorldError> {
+        let geometry = self.geometry;
+        // A tube lies inside the union of balls along its axis, with half of their spacing added to the radius.
+        const BALLS: usize = 48;
+        let spacing = length / BALLS as f64;
+        let along: Vec<DVec4> = (0..=BALLS).map(|i| geometry.flow(axis, spacing * i as f64).point).collect();
+        let wide = radius + 0.5 * spacing;
+        let extent = Balls { centres: &along, radius: wide };
+        for copy in copies(geometry, &self.domain, cell, &extent, &object.name)? {
+            let start = geometry.apply(&copy.isometry, axis);
+            let end = geometry.flow(start, length);
+            let clip = |g: Geodesic, sign: f64| {
+                let conormal = geometry.lower(g.point, g.velocity) * sign;
+                conormal.extend(-conormal.dot(geometry.chart(g.point)))
+            };
+            let bounds = (0..=BALLS)
+                .filter_map(|i| geometry.ball(geometry.flow(start, spacing * i as f64).point, wide))
+                .map(|ball| ball_box(&ball))
+                .fold(Aabb::EMPTY, Aabb::union);
+            let clips = [clip(start, 1.0), clip(end, -1.0)];
+            if let Some(tube) = geometry.tube(start, radius) {
+                self.add_quadric(index, object, &copy, tube, clips, bounds);
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds a quadric to a cell unless the same surface is there already (edges of a cell are copies of one another).
+    fn add_quadric(
+        &mut self,
+        index: usize,
+        object: &Object,
+        copy: &Copy,
+        surface: Quadric,
+        clip: [DVec4; 2],
+        bounds: Aabb,
+    ) {
+        // Quadrics have a material of their own: the scene reader refuses them without.
+        let material = object.material.unwrap_or(0) as u32;
+        let same = |a: DVec4, b: DVec4| (a - b).abs().max_element() < 1e-9;
+        // Frames that name the same surface may be turned against each other, so its matrix is compared.
+        let form = surface.matrix();
+        let is_known = self.quadrics.iter().any(|known| {
+            known.cell == copy.cell
+                && known.object == index as u32
+                && (0..4).all(|i| same(known.surface.matrix().col(i), form.col(i)))
+                && (same(known.clip[0], clip[0]) && same(known.clip[1], clip[1])
+                    || same(known.clip[0], clip[1]) && same(known.clip[1], clip[0]))
+        });
+        let bounds = match &self.polyhedra[copy.cell] {
+            Some(polyhedron) => bounds.intersection(Aabb::around(polyhedron.vertices.iter().copied())),
+            None => bounds,
+        };
+        if is_known || bounds.lower.cmpgt(bounds.upper).any() {
+            return;
+        }
+        let object = index as u32;
+        self.quadrics.push(WorldQuadric { surface, clip, bounds, cell: copy.cell, material, object });
+    }
+
+    /// Adds a ball or a tube that was divided into triangles, if it could be.
+    fn add_surface(
+        &mut self,
+        index: usize,
+        object: &Object,
+        cell: usize,
+        surface: Option<Surface>,
+        radius: f64,
+    ) -> Result<Vec<Copy>, WorldError> {
+        let surface = surface.ok_or_else(|| WorldError::TooWide(object.name.clone(), radius))?;
+        let material = object.material.unwrap_or(0) as u32;
+        let corners = surface.triangles.into_iter();
+        let triangles = corners.map(|corners| RestTriangle { corners, uv: [[0.0; 2]; 3], material }).collect();
+        let frame = Frame { cell, point: self.geometry.base(), axes: self.geometry.frame(self.geometry.base()) };
+        let rest = RestMesh { object: index as u32, frame, vertices: surface.placed, triangles };
+        self.add_divided(object, rest)
+    }
+}
+
+/// A point of the straight line of the chart between two of its points, with the unit tangent.
+fn chart_line<G: Geometry>(geometry: G, [from, to]: [DVec3; 2], t: f64) -> Geodesic {
+    // The ends are points of the geometry, and cells are convex.
+    let point = geometry.unchart(from.lerp(to, t)).unwrap_or(DVec4::NAN);
+    let along = geometry.unchart_vector(point, to - from);
+    Geodesic { point, velocity: along / geometry.norm(point, along) }
+}
+
+/// Images of edges and vertices that are there already, by cell and chart coordinates.
+#[derive(Default)]
+struct Made(Vec<(usize, Vec<DVec3>)>);
+
+impl Made {
+    fn has(&self, cell: usize, ends: &[DVec3]) -> bool {
+        let near = |a: &DVec3, b: &DVec3| a.distance(*b) < 1e-6 * (1.0 + a.length());
+        self.0.iter().any(|(in_cell, known)| {
+            let same = |ends: &mut dyn Iterator<Item = &DVec3>| ends.zip(known).all(|(a, b)| near(a, b));
+            *in_cell == cell && known.len() == ends.len() && (same(&mut ends.iter()) || same(&mut ends.iter().rev()))
+        })
+    }
+
+    fn add<G: Geometry>(&mut self, geometry: G, copies: &[Copy], ends: &[DVec4]) {
+        for copy in copies {
+            let image = |&point: &DVec4| {
+                geometry.chart(geometry.apply(&copy.isometry, Geodesic { point, velocity: DVec4::ZERO }).point)
+            };
+            self.0.push((copy.cell, ends.iter().map(image).collect()));
+        }
+    }
+}
+
+/// The box of an ellipsoid in the chart: its tangent planes are the zeros of the inverse matrix.
+fn ball_box(ball: &Quadric) -> Aabb {
+    let dual = ball.dual();
+    let mut bounds = Aabb { lower: DVec3::NEG_INFINITY, upper: DVec3::INFINITY };
+    for axis in 0..3 {
+        // Planes x_axis = s: dual_aa − 2 s dual_aw + s² dual_ww = 0.
+        let (aa, aw, ww) = (dual.col(axis)[axis], dual.col(3)[axis], dual.col(3)[3]);
+        let root = (aw * aw - aa * ww).max(0.0).sqrt();
+        let ends = [(aw + root) / ww, (aw - root) / ww];
+        // An unbounded quadric (a ball that reaches the horizon) keeps the infinite box.
+        if ww < 0.0 && ends.iter().all(|e| e.is_finite()) {
+            bounds.lower[axis] = ends[0].min(ends[1]);
+            bounds.upper[axis] = ends[0].max(ends[1]);
+        }
+    }
+    bounds
+}
