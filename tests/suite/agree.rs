@@ -208,6 +208,13 @@ fn agree_sixth_turn() {
 }
 
 #[test]
+fn agree_turns() {
+    agrees("half-turn");
+    agrees("third-turn");
+    agrees("quarter-turn");
+}
+
+#[test]
 fn agree_hantzsche_wendt() {
     agrees("hantzsche-wendt");
 }
@@ -226,6 +233,11 @@ fn agree_whole_geometries() {
 #[test]
 fn agree_alpha_mask() {
     agrees("leaves");
+}
+
+#[test]
+fn agree_things_in_motion() {
+    agrees("drift");
 }
 
 #[test]

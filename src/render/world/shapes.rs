@@ -137,7 +137,8 @@ impl<G: Geometry> Builder<'_, G> {
         Ok(())
     }
 
-    /// Adds a quadric to a cell unless the same surface is there already (edges of a cell are copies of one another).
+    /// Adds a quadric to a cell unless the same surface is there already: edges of a cell are copies of one another, and
+    /// where surfaces of two objects coincide the first is seen, whichever way a backend looks for hits.
     fn add_quadric(
         &mut self,
         index: usize,
@@ -154,7 +155,6 @@ impl<G: Geometry> Builder<'_, G> {
         let form = surface.matrix();
         let is_known = self.quadrics.iter().any(|known| {
             known.cell == copy.cell
-                && known.object == index as u32
                 && (0..4).all(|i| same(known.surface.matrix().col(i), form.col(i)))
                 && (same(known.clip[0], clip[0]) && same(known.clip[1], clip[1])
                     || same(known.clip[0], clip[1]) && same(known.clip[1], clip[0]))
