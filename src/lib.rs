@@ -18,11 +18,12 @@
 //! # How a picture comes about
 //! 1. [`scene::file`] reads a scene: a space, objects, lights, an observer.
 //! 2. [`render::plan`] decides, without a device, which stages and buffers the scene needs.
-//! 3. [`render::world`] places objects by the exponential map, cuts them to the cells they reach into, and builds
-//!    the hierarchy.
-//! 4. A [`render::Backend`] draws it: [`render::cpu`] in f64 (the reference), [`render::compute`] on Vulkan. The
-//!    stages have the same names in `shaders/` and in `src/render/cpu/`: raygen, segment, closest-hit, shade,
-//!    transport (the miss stage).
+//! 3. [`render::world`] places objects by the exponential map and cuts them to the cells they reach into; it builds
+//!    hierarchies for the backends that traverse them themselves.
+//! 4. A [`render::Backend`] draws it: [`render::cpu`] in f64 (the reference), [`render::compute`] and [`render::rt`] on
+//!    Vulkan. The stages have the same names in `shaders/` and in `src/render/cpu/`: raygen, segment, hit (closest-hit),
+//!    shade, transport (the miss stage). `shaders/trace/` holds the two ways to trace a segment, `shaders/entry/` what
+//!    each pipeline starts.
 //!
 //! ```
 //! use holonomy::{render::{Backend, Shot, Target, cpu::CpuBackend, plan::Plan, world::World}, scene::file};
@@ -65,7 +66,7 @@
 //! **Add an option.** Add a field with its help to the command's structure in [`cli`] and use it there; the parser,
 //! the checks and `--help` follow.
 //!
-//! **Add something to a shader structure.** Change it in [`shader_io`] and where it is filled (`render/compute/pack.rs`);
+//! **Add something to a shader structure.** Change it in [`shader_io`] and where it is filled (`render/device/pack.rs`);
 //! `shaders_layout_agrees_with_rust` compares the offsets.
 #![warn(missing_docs)]
 

@@ -1,7 +1,7 @@
 //! The reference: f64 on all cores, without any Vulkan.
 //!
 //! The files are the shader stages under the same names: [`traverse`] is `trace/compute.glsl`, [`surface`]
-//! `stage/surface.glsl` with the triangle, quadric and mask stages, [`shade`] `stage/shade.glsl`, [`raygen`]
+//! `stage/{hit,surface}.glsl` with the triangle, quadric and mask stages, [`shade`] `stage/shade.glsl`, [`raygen`]
 //! `stage/raygen.glsl`; walking is [`crate::space::walk`].
 
 pub mod raygen;

@@ -1,4 +1,4 @@
-//! Hits and what is there. Twins: `shaders/stage/{triangle,quadric,mask,surface}.glsl`, `shared/sampling.glsl`.
+//! Hits and what is there. Twins: `shaders/stage/{triangle,quadric,mask,hit,surface}.glsl`, `shared/sampling.glsl`.
 
 use super::traverse::Tracer;
 use crate::{
