@@ -116,6 +116,22 @@ fn gram<G: Geometry>(geometry: G, p: DVec4, a: [DVec4; 3], b: [DVec4; 3]) -> DMa
     DMat3::from_cols_array_2d(&b.map(|y| a.map(|x| geometry.inner(p, x, y))))
 }
 
+/// Components in the frame. Their Euclidean product is the metric, or, where that is indefinite, the positive product
+/// whose length is the norm.
+fn framed<G: Geometry>(geometry: G, p: DVec4, v: DVec4) -> DVec3 {
+    DVec3::from_array(geometry.frame(p).map(|axis| geometry.inner(p, axis, v))) * geometry.signature()
+}
+
+/// Two vectors that complete the velocity to an orthonormal frame in that product.
+fn beside<G: Geometry>(geometry: G, g: Geodesic) -> [DVec4; 2] {
+    if geometry.signature() == DVec3::ONE {
+        return across(geometry, g);
+    }
+    let axes = geometry.frame(g.point);
+    let (a, b) = framed(geometry, g.point, g.velocity).normalize().any_orthonormal_pair();
+    [a, b].map(|c| axes[0] * c.x + axes[1] * c.y + axes[2] * c.z)
+}
+
 fn reversed(g: Geodesic) -> Geodesic {
     Geodesic { point: g.point, velocity: -g.velocity }
 }
@@ -134,15 +150,19 @@ fn norm_agrees<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let p = s.start.point;
     let [u, v] = s.vectors;
     let symmetric = gap(geometry.inner(p, u, v), geometry.inner(p, v, u));
-    worse(gap(geometry.norm(p, u).powi(2), geometry.inner(p, u, u)), symmetric)
+    // Both are sums of squares of the components in the frame, the metric with its signs.
+    let components = framed(geometry, p, u);
+    let metric = gap((components * components).dot(geometry.signature()), geometry.inner(p, u, u));
+    worst([gap(geometry.norm(p, u).powi(2), components.length_squared()), metric, symmetric])
 }
 
 fn frame_is_orthonormal<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let p = s.start.point;
     let frame = geometry.frame(p);
-    let difference = gram(geometry, p, frame, frame) - DMat3::IDENTITY;
+    let signs = geometry.signature();
+    let difference = gram(geometry, p, frame, frame) - DMat3::from_diagonal(signs);
     let orthonormal = worst(difference.to_cols_array().map(f64::abs));
-    let positive = gram(geometry, p, frame, chart_frame(geometry, p)).determinant() > 0.0;
+    let positive = gram(geometry, p, frame, chart_frame(geometry, p)).determinant() * signs.element_product() > 0.0;
     worse(orthonormal, promise(positive))
 }
 
@@ -224,7 +244,7 @@ fn log_inverts_flow<G: Geometry>(geometry: G, s: &Sample) -> f64 {
 fn area_density_is_of_the_flow<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let t = s.length.max(0.05);
     let end = geometry.flow(s.start, t);
-    let field = across(geometry, s.start).map(|e| {
+    let field = beside(geometry, s.start).map(|e| {
         let near = |angle: f64| {
             let velocity = s.start.velocity * angle.cos() + e * angle.sin();
             let (direction, length) =
@@ -233,8 +253,8 @@ fn area_density_is_of_the_flow<G: Geometry>(geometry: G, s: &Sample) -> f64 {
         };
         (near(STEP) - near(-STEP)) / (2.0 * STEP)
     });
-    let inner = |i: usize, j: usize| geometry.inner(end.point, field[i], field[j]);
-    let area = (inner(0, 0) * inner(1, 1) - inner(0, 1).powi(2)).max(0.0).sqrt();
+    let [a, b] = field.map(|v| framed(geometry, end.point, v));
+    let area = a.cross(b).length();
     gap(geometry.area_density(s.start, t), area)
 }
 
@@ -304,11 +324,13 @@ fn closeness_decreases<G: Geometry>(geometry: G, s: &Sample) -> f64 {
 
 /// A state on a plane, taken through it by the folded pairing and by the pairing itself.
 fn cross_is_the_pairing<G: Geometry>(geometry: G, s: &Sample) -> f64 {
-    // The bisector of the base point and a point farther than the state: planes of domains are such.
+    // The bisector of the base point and a point farther than the state: planes of domains are such. Any plane is one
+    // where bisectors are no planes.
     let base = geometry.base();
     let frame = geometry.frame(base);
     let away = frame[0] * s.conormal.x + frame[1] * s.conormal.y + frame[2] * s.conormal.z;
-    let Some(plane) = geometry.bisector(exponential(geometry, base, away * (s.length + 0.1))) else { return 0.0 };
+    let bisector = geometry.bisector(exponential(geometry, base, away * (s.length + 0.1)));
+    let plane = bisector.unwrap_or(s.conormal.extend(-s.length));
     let pairing = &s.isometries[0];
     let crossed = geometry.cross(&geometry.fold(plane, pairing), plane, s.start);
     gap_geodesic(geometry.apply(pairing, s.start), crossed)
@@ -354,7 +376,9 @@ fn restore_repairs<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let repaired = geometry.restore(Geodesic { point, velocity });
     let on_model = geometry.settle(repaired.point).map_or(f64::NAN, |q| gap4(repaired.point, q));
     let tangent = gap4(repaired.velocity, geometry.settle_tangent(repaired.point, repaired.velocity));
-    let unit = gap(1.0, geometry.norm(repaired.point, repaired.velocity));
+    // Where the metric is indefinite, velocities keep their length.
+    let definite = geometry.signature() == DVec3::ONE;
+    let unit = if definite { gap(1.0, geometry.norm(repaired.point, repaired.velocity)) } else { 0.0 };
     let near = (gap_geodesic(repaired, s.start) - 1e-7).max(0.0);
     let again = gap_geodesic(repaired, geometry.restore(repaired));
     worst([on_model, tangent, unit, near, again, gap_geodesic(s.start, geometry.restore(s.start))])
@@ -394,7 +418,7 @@ fn quadric_value<G: Geometry>(geometry: G, quadric: Quadric, p: DVec4) -> f64 {
 
 fn ball_vanishes<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let radius = s.length.clamp(0.05, 0.5);
-    let ball = geometry.ball(s.start.point, radius);
+    let Some(ball) = geometry.ball(s.start.point, radius) else { return 0.0 };
     let value = |r: f64| quadric_value(geometry, ball, geometry.flow(s.start, r).point);
     let signs = promise(value(0.9 * radius) < 0.0 && value(1.1 * radius) > 0.0 && value(0.0) < 0.0);
     worse(value(radius).abs(), signs)
@@ -402,7 +426,7 @@ fn ball_vanishes<G: Geometry>(geometry: G, s: &Sample) -> f64 {
 
 fn tube_vanishes<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let radius = s.length.clamp(0.05, 0.5);
-    let tube = geometry.tube(s.start, radius);
+    let Some(tube) = geometry.tube(s.start, radius) else { return 0.0 };
     let along = geometry.flow(s.start, 0.2 * s.any_lengths[1]);
     let [a, b] = across(geometry, along);
     let (sin, cos) = s.any_lengths[0].sin_cos();
