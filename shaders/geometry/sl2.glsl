@@ -221,9 +221,10 @@ float geo_exit(Geodesic g, vec4 plane) {
     return s > SL2_HORIZON ? M_INFINITY : s;
 }
 
-// Deviation h^2/8 times the acceleration, which is at most (a + 4h) e^4h over a step: see the twin.
-float sl2_allowed(float acceleration, float h, float limit, float tolerance) {
-    float most = (acceleration + 4.0 * h) * 2.0 * m_half_exp(4.0 * h);
+// Deviation h^2/8 times a bound of the acceleration over a step: see the twin.
+float sl2_allowed(float acceleration, float speed, float distance, float h, float limit, float tolerance) {
+    float distortion = speed * min(0.31 + 2.0 * (distance + h), 2.0);
+    float most = (acceleration + 2.3 * speed * speed * h) * 2.0 * m_half_exp(distortion * h);
     return min(sqrt(8.0 * tolerance / max(most, 1e-30)), limit);
 }
 
@@ -239,8 +240,8 @@ float geo_chord(Geodesic g, float u_max, float tolerance) {
     float upper = limit;
     float lower = 0.0;
     for (int i = 0; i < 3; i++) {
-        lower = sl2_allowed(acceleration, upper, limit, tolerance);
-        upper = sl2_allowed(acceleration, lower, limit, tolerance);
+        lower = sl2_allowed(acceleration, speed, length(far), upper, limit, tolerance);
+        upper = sl2_allowed(acceleration, speed, length(far), lower, limit, tolerance);
     }
     return lower;
 }

@@ -38,11 +38,36 @@ vec4 sl2_trace_unframed(vec3 c) {
     return vec4(c.x, c.y - c.z, c.y + c.z, 0.0) / SL2_TRACE_ROOT;
 }
 
+// The largest component of a velocity, to divide by: its squares may leave the numbers.
+float sl2_trace_scale(vec4 v) {
+    return max(max(abs(v.x), abs(v.y)), max(abs(v.z), 1e-37));
+}
+
+// exp(tA) less the identity. Far out C + S A = e^(-sqrt(q) t) + S(sqrt(q) + A), with the difference of sqrt(q) and |u|
+// as vw / (sqrt(q) + |u|), cancels nothing.
+mat2 sl2_trace_exp(vec4 v, float t) {
+    float q = sl2_trace_square(v);
+    float root = sqrt(max(q, 0.0));
+    vec4 forth = t < 0.0 ? -v : v;
+    t = abs(t);
+    float sinh_t = t * m_cosh_sinhc(q * t * t).y;
+    if (root * t < 1.0) {
+        float half_sinh = t * m_cosh_sinhc(0.25 * q * t * t).y;
+        return mat2(0.5 * q * half_sinh * half_sinh) + sl2_trace_algebra(forth) * sinh_t;
+    }
+    float sum = root + abs(v.x);
+    float difference = v.y * v.z / sum;
+    vec2 diagonal = forth.x > 0.0 ? vec2(sum, difference) : vec2(difference, sum);
+    return mat2(2.0 * m_half_exp(-root * t) - 1.0) + mat2(diagonal.x, forth.z, forth.y, diagonal.y) * sinh_t;
+}
+
 // Length at which the geodesic reaches x = -1, forwards.
 float sl2_trace_edge(Geodesic g) {
     float first = 1.0 + g.point.x;
-    float rate = first * g.velocity.x + g.point.y * g.velocity.z;
-    return m_artanh_over(sl2_trace_square(g.velocity), abs(first), -rate * sign(first));
+    float scale = sl2_trace_scale(g.velocity);
+    vec4 v = g.velocity / scale;
+    float rate = first * v.x + g.point.y * v.z;
+    return m_artanh_over(sl2_trace_square(v), abs(first), -rate * sign(first)) / scale;
 }
 
 vec4 sl2_trace_point(vec3 c) {
@@ -66,10 +91,10 @@ float geo_inner(vec4 p, vec4 u, vec4 v) {
 Geodesic geo_flow(Geodesic g, float t) {
     Geodesic ahead = Geodesic(g.point, t < 0.0 ? -g.velocity : g.velocity);
     if (sl2_trace_edge(ahead) <= abs(t)) return Geodesic(vec4(M_INFINITY), g.velocity);
-    float z = sl2_trace_square(g.velocity) * t * t;
-    float half_sinhc = m_cosh_sinhc(0.25 * z).y;
-    mat2 step = mat2(0.5 * z * half_sinhc * half_sinhc) + sl2_trace_algebra(g.velocity) * (t * m_cosh_sinhc(z).y);
-    return Geodesic(g.point + sl2_trace_entries(sl2_trace_matrix(g.point) * step), g.velocity);
+    float scale = sl2_trace_scale(g.velocity);
+    vec4 v = g.velocity / scale;
+    t *= scale;
+    return Geodesic(g.point + sl2_trace_entries(sl2_trace_matrix(g.point) * sl2_trace_exp(v, t)), g.velocity);
 }
 
 vec4 geo_log(vec4 p, vec4 q, out float length_out) {

@@ -282,9 +282,9 @@ float geo_exit(Geodesic g, vec4 plane) {
     return M_INFINITY;
 }
 
-// Deviation h^2/8 times the acceleration, which is at most (a + 2h) e^2h over a step: see the twin.
+// Deviation h^2/8 times the acceleration, which is at most (a + 0.61h) e^h over a step: see the twin.
 float sol_allowed(float acceleration, float h, float limit, float tolerance) {
-    return min(sqrt(8.0 * tolerance / max((acceleration + 2.0 * h) * sol_exp(2.0 * h), 1e-30)), limit);
+    return min(sqrt(8.0 * tolerance / max((acceleration + 0.61 * h) * sol_exp(h), 1e-30)), limit);
 }
 
 float geo_chord(Geodesic g, float u_max, float tolerance) {

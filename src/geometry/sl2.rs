@@ -291,9 +291,10 @@ impl Geometry for Sl2 {
     /// The base curve has geodesic curvature c/r and speed r. With the distance d of the base point from the origin,
     /// the velocity's part `v_d` away from it and `v_φ` across, the chart curve's acceleration has the metric length
     /// `√(r²c² + 4 v_d² r² tanh² d + (v_d v_φ T (2 tanh d − T))²)`, `T = tanh(d/2)`: the tangential part of Klein's
-    /// disk and the connection of the fibre. Its derivative is at most 4, and the metric's length of a chart vector
-    /// changes by at most a factor e²ʰ along a step h (both are maxima over all directions and distances, found
-    /// numerically); so over a step it is at most `(a + 4h) e⁴ʰ`.
+    /// disk and the connection of the fibre. Along the geodesic it changes at a rate of at most `2.3 r²`, and the
+    /// logarithm of the metric's length of a chart vector at a rate of at most `r (0.31 + 2 tanh d)` and of `2r` (maxima
+    /// over all directions and distances, found numerically); tanh d grows by at most h over a step. So over a step h
+    /// the acceleration is at most `(a + 2.3 r² h) exp(r h min(0.31 + 2 (tanh d + h), 2))`, wherever it is measured.
     fn chord(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
         let (p, c) = (g.point, g.velocity.z);
         let v = turn(p.z).rotate(g.velocity.xy());
@@ -303,7 +304,10 @@ impl Geometry for Sl2 {
         let fibre = v.dot(half) * v.perp_dot(2.0 * far - half);
         let speed = v.length();
         let acceleration = DVec3::new(speed * c, 2.0 * fall * speed, fibre).length();
-        longest_chord(u_max.min(HORIZON), tolerance, |h| (acceleration + 4.0 * h) * (4.0 * h).exp())
+        longest_chord(u_max.min(HORIZON), tolerance, |h| {
+            let distortion = speed * (0.31 + 2.0 * (far.length() + h)).min(2.0);
+            (acceleration + 2.3 * speed * speed * h) * (distortion * h).exp()
+        })
     }
 
     fn parameter(&self, g: Geodesic, c: DVec3) -> f64 {

@@ -85,11 +85,36 @@ fn unframed(c: DVec3) -> DVec4 {
     DVec4::new(c.x, c.y - c.z, c.y + c.z, 0.0) * FRAC_1_SQRT_2
 }
 
+/// A velocity with largest component 1, and that component: squares of the velocity itself may leave the numbers.
+fn scaled(v: DVec4) -> (DVec4, f64) {
+    let scale = v.abs().max_element().max(f64::MIN_POSITIVE);
+    (v / scale, scale)
+}
+
+/// `exp(tA)` less the identity.
+fn exponential(v: DVec4, t: f64) -> DMat2 {
+    let q = square(v);
+    let (forth, root) = (v * t.signum(), q.max(0.0).sqrt());
+    let sinh = t.abs() * cosh_sinhc(q * t * t).1;
+    let far = root * t.abs();
+    if far < 1.0 {
+        // C − 1 = 2 sinh²(√q t/2).
+        let half = t * cosh_sinhc(0.25 * q * t * t).1;
+        return DMat2::from_diagonal(DVec2::splat(0.5 * q * half * half)) + algebra(forth) * sinh;
+    }
+    // Of C ± S u one cancels: C + S A = e^(−√q t) + S(√q + A), where √q − |u| = vw/(√q + |u|).
+    let (sum, difference) = (root + v.x.abs(), v.y * v.z / (root + v.x.abs()));
+    let [first, last] = if forth.x > 0.0 { [sum, difference] } else { [difference, sum] };
+    let shrink = DMat2::from_diagonal(DVec2::splat((-far).exp_m1()));
+    shrink + DMat2::from_cols(DVec2::new(first, forth.z), DVec2::new(forth.y, last)) * sinh
+}
+
 /// Length at which the geodesic reaches x = −1, forwards; infinite if it never does.
 fn edge(g: Geodesic) -> f64 {
     let first = 1.0 + g.point.x;
-    let rate = first * g.velocity.x + g.point.y * g.velocity.z;
-    artanh_over(square(g.velocity), first.abs(), -rate * first.signum())
+    let (v, scale) = scaled(g.velocity);
+    let rate = first * v.x + g.point.y * v.z;
+    artanh_over(square(v), first.abs(), -rate * first.signum()) / scale
 }
 
 impl Geometry for Sl2Trace {
@@ -134,12 +159,9 @@ impl Geometry for Sl2Trace {
         if self.edge(g, t).is_some() {
             return Geodesic { point: DVec4::INFINITY, velocity: g.velocity };
         }
-        let z = square(g.velocity) * t * t;
-        let (_, sinhc) = cosh_sinhc(z);
-        let half = cosh_sinhc(0.25 * z).1;
-        // p(C + S A) = p + p(C − 1 + S A), with C − 1 = 2 sinh²(√q t/2).
-        let step = DMat2::from_diagonal(DVec2::splat(0.5 * z * half * half)) + algebra(g.velocity) * (t * sinhc);
-        Geodesic { point: g.point + entries(matrix(g.point) * step), velocity: g.velocity }
+        let (v, scale) = scaled(g.velocity);
+        let t = t * scale;
+        Geodesic { point: g.point + entries(matrix(g.point) * exponential(v, t)), velocity: g.velocity }
     }
 
     /// The one-parameter group through `p⁻¹q`, with a velocity of norm 1. Matrices of trace −2 or less are on none:
