@@ -204,7 +204,8 @@ float geo_exit(Geodesic g, vec4 plane) {
     float threshold = 0.0;
     float bend = 2.0 * length(plane.xy) + 0.75 * abs(plane.z);
     float s = 0.0;
-    for (int i = 0; i < 64 && s <= SL2_HORIZON; i++) {
+    float before = -1.0;
+    for (int i = 0; i < 4096 && s <= SL2_HORIZON; i++) {
         Geodesic at = geo_flow(g, s);
         float value = dot(plane.xyz, geo_chart(at.point)) + plane.w;
         float rate = dot(plane.xyz, sl2_chart_differential(at.point) * at.velocity.xyz);
@@ -213,12 +214,15 @@ float geo_exit(Geodesic g, vec4 plane) {
             threshold = IO_ON_FACE + max(value, 0.0);
         }
         value -= threshold;
-        if (value >= 0.0) return s;
+        // A stride has gone too far by a stride at most, along a plane that is as close as its rounding.
+        if (value >= 0.0) return before >= 0.0 ? before : s;
         float step = m_safe_step(value, rate, bend);
         if (step <= 6e-8 * (1.0 + s)) return s;
-        s += step;
+        bool stride = i > M_PATIENCE && step < M_STRIDE;
+        before = stride ? s : -1.0;
+        s += stride ? M_STRIDE : step;
     }
-    return s > SL2_HORIZON ? M_INFINITY : s;
+    return M_INFINITY;
 }
 
 // Deviation h^2/8 times a bound of the acceleration over a step: see the twin.

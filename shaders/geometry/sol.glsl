@@ -261,7 +261,8 @@ float geo_exit(Geodesic g, vec4 plane) {
         float terms[SOL_TERMS];
         for (int k = 0; k < SOL_TERMS; k++) terms[k] = dot(n, vec3(v.x * series.p[k], v.y * series.q[k], series.w[k]));
         float s = 0.0;
-        for (int i = 0; i < 48 && s <= SOL_STEP; i++) {
+        float before = -1.0;
+        for (int i = 0; i < 256 && s <= SOL_STEP; i++) {
             float f = 0.0;
             float rate = 0.0;
             for (int k = SOL_TERMS - 1; k >= 0; k--) {
@@ -269,10 +270,13 @@ float geo_exit(Geodesic g, vec4 plane) {
                 rate = rate * s + terms[k];
             }
             f = f * s + start;
-            if (f >= 0.0) return travelled + s;
+            // A stride has gone too far by a stride at most, along a plane that is as close as its rounding.
+            if (f >= 0.0) return travelled + (before >= 0.0 ? before : s);
             float step = m_safe_step(f, rate, bend);
             if (step <= 6e-8 * (1.0 + s)) return travelled + s;
-            s += step;
+            bool stride = i > M_PATIENCE && step < M_STRIDE;
+            before = stride ? s : -1.0;
+            s += stride ? M_STRIDE : step;
         }
         vec4 end = sol_chart(series, v, SOL_STEP);
         start += dot(n, end.xyz);

@@ -169,6 +169,10 @@ float m_first_passage(float q, float start, float rate, float bend, float along)
     return 2.0 * (rate > along ? m_artanh_over(q, -start, rate + root) : m_artanh_over(q, root - rate, bend));
 }
 
+// Steps of full care towards a first zero, and the shortest step from then on: see `first_zero` in the twin.
+const int M_PATIENCE = 40;
+const float M_STRIDE = 4e-3;
+
 // Step towards the first zero of a function that is negative, with this value and derivative and second derivatives
 // up to `bend`: no zero is stepped over.
 float m_safe_step(float value, float rate, float bend) {

@@ -9,31 +9,52 @@ use glam::{DMat3, DVec3, DVec4};
 /// function and its derivative, `bend` bounds its second derivative.
 ///
 /// Each step goes to where the parabola with that second derivative would vanish, so no zero is ever stepped over,
-/// however close two of them are; near a simple zero the convergence is quadratic, as in Newton's method.
+/// however close two of them are; near a simple zero the convergence is quadratic, as in Newton's method. A function
+/// that stays next to zero all the way (a geodesic almost in its plane) would take ever shorter steps: after
+/// [`PATIENCE`] of them none is shorter than [`STRIDE`], and what such a stride may miss is the `bend`'s share of
+/// `STRIDE²/8`.
 pub(super) fn first_zero(value_and_rate: impl Fn(f64) -> [f64; 2], bend: f64, end: f64) -> Option<f64> {
     let bend = bend.max(f64::MIN_POSITIVE);
-    let mut s = 0.0;
-    for _ in 0..MOST_STEPS {
+    let (mut s, mut before) = (0.0, None);
+    for count in 0_u32.. {
         let [value, rate] = value_and_rate(s);
         if value >= 0.0 {
-            return Some(s);
+            return Some(before.map_or(s, |low| bisect(&value_and_rate, low, s)));
         }
         let root = (rate * rate - 2.0 * bend * value).sqrt();
         let step = if rate > 0.0 { -2.0 * value / (rate + root) } else { (root - rate) / bend };
         if step <= f64::EPSILON * (1.0 + s) {
             return Some(s);
         }
-        s += step;
-        if s > end {
+        let stride = count > PATIENCE && step < STRIDE;
+        if s >= end || (s + step > end && !stride) {
             return None;
         }
+        before = stride.then_some(s);
+        s = if stride { (s + STRIDE).min(end) } else { s + step };
     }
-    // So slow only where the function has a maximum of the size of its rounding.
-    Some(s)
+    None
 }
 
-/// Steps of [`first_zero`]; ordinary passages take about six.
-const MOST_STEPS: usize = 200;
+/// The zero between a negative value and one that is not.
+fn bisect(value_and_rate: impl Fn(f64) -> [f64; 2], mut low: f64, mut high: f64) -> f64 {
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        let [value, _] = value_and_rate(middle);
+        if value < 0.0 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}
+
+/// Steps that [`first_zero`] takes with full care; ordinary passages take about six.
+const PATIENCE: u32 = 60;
+
+/// Its shortest step from then on.
+const STRIDE: f64 = 1e-3;
 
 /// How a passage begins: where the state is on its plane and moves outwards it leaves at once. Otherwise the value
 /// whose zero is the passage; a start on the plane must first get clear of it.
@@ -96,6 +117,9 @@ pub(super) fn shoot(guess: DVec3, off_and_differential: impl Fn(DVec3) -> (DVec3
         let residual = off.length();
         if residual < least {
             (best, least) = (v, residual);
+        } else if least < 1e-6 {
+            // So near, each step gains until rounding is reached.
+            break;
         }
         let step = differential.inverse() * off;
         let length = step.length();
@@ -118,7 +142,11 @@ pub(super) fn wave_area(differential: DMat3, v: DVec3, t: f64) -> f64 {
 pub(super) fn cosh_sinhc(z: f64) -> (f64, f64) {
     let root = z.abs().sqrt();
     if root < 0.5 {
-        let series = |first: f64| (0..9).rev().fold(1.0, |sum, k| 1.0 + sum * z / ((2.0 * f64::from(k) + first) * (2.0 * f64::from(k) + first + 1.0)));
+        let series = |first: f64| {
+            (0..9)
+                .rev()
+                .fold(1.0, |sum, k| 1.0 + sum * z / ((2.0 * f64::from(k) + first) * (2.0 * f64::from(k) + first + 1.0)))
+        };
         (series(1.0), series(2.0))
     } else if z > 0.0 {
         (root.cosh(), root.sinh() / root)
@@ -133,7 +161,8 @@ pub(super) fn integrals(z: f64) -> (f64, f64) {
     let (half, sinhc) = (cosh_sinhc(0.25 * z).1, cosh_sinhc(z).1);
     let second = 0.5 * half * half;
     if root < 1.0 {
-        let third = (1..11).rev().fold(1.0, |sum, k| 1.0 + sum * z / ((2.0 * f64::from(k) + 2.0) * (2.0 * f64::from(k) + 3.0)));
+        let third =
+            (1..11).rev().fold(1.0, |sum, k| 1.0 + sum * z / ((2.0 * f64::from(k) + 2.0) * (2.0 * f64::from(k) + 3.0)));
         (second, third / 6.0)
     } else {
         (second, (sinhc - 1.0) / z)
@@ -144,7 +173,7 @@ pub(super) fn integrals(z: f64) -> (f64, f64) {
 /// there is none. A negative ratio is met behind the quarter turn of the tangent.
 pub(super) fn artanh_over(q: f64, numerator: f64, denominator: f64) -> f64 {
     let root = q.abs().sqrt();
-    if q < 0.0 && !(root * numerator < 0.1 * denominator) {
+    if q < 0.0 && root * numerator >= 0.1 * denominator {
         return (root * numerator).atan2(denominator) / root;
     }
     if !(denominator > 0.0 && (q <= 0.0 || root * numerator < denominator)) {

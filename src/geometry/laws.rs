@@ -47,6 +47,7 @@ pub fn laws<G: Geometry>() -> Vec<Law<G>> {
         law("flow reverses", EXACT, flow_reverses),
         law("flow has unit speed", EXACT, flow_has_unit_speed),
         law("transport keeps inner and carries the velocity", EXACT, transport_keeps_inner),
+        law("transport is that of the connection", 1e-5, transport_is_parallel),
         law("log inverts flow", 1e-11, log_inverts_flow),
         law("closeness decreases with the distance", EXACT, closeness_decreases),
         law("area density is that of the flow", DIFFERENCE, area_density_is_of_the_flow),
@@ -143,7 +144,8 @@ fn settles<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let point = geometry.settle(p).map_or(f64::NAN, |q| gap4(p, q));
     let tangent = s.vectors.map(|v| gap4(v, geometry.settle_tangent(p, v)));
     let base = geometry.settle(geometry.base()).map_or(f64::NAN, |q| gap4(geometry.base(), q));
-    worst([point, tangent[0], tangent[1], base])
+    let origin = geometry.chart(geometry.base()).length();
+    worst([point, tangent[0], tangent[1], base, origin])
 }
 
 fn norm_agrees<G: Geometry>(geometry: G, s: &Sample) -> f64 {
@@ -229,6 +231,29 @@ fn transport_keeps_inner<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let velocity = gap4(end.velocity, geometry.transport(s.start, t, s.start.velocity));
     let tangent = gap4(tu, geometry.settle_tangent(end.point, tu));
     worst([inner, velocity, tangent])
+}
+
+/// The pole ladder (Lorenzi, Pennec: Efficient parallel transport of deformations in time series of images, 2014): the
+/// tip of a short vector, mirrored in the middle of each rung, is the tip of the opposite of the parallel vector. The
+/// errors of a vector and of its opposite cancel to first order.
+fn transport_is_parallel<G: Geometry>(geometry: G, s: &Sample) -> f64 {
+    const RUNGS: u32 = 3;
+    const SHORT: f64 = 0.005;
+    let length = 0.1 * s.length;
+    let rung = length / f64::from(RUNGS);
+    let (mut at, mut vector) = (s.start, s.vectors[0]);
+    for _ in 0..RUNGS {
+        let middle = geometry.flow(at, 0.5 * rung).point;
+        let next = geometry.flow(at, rung);
+        let [back, forth] = [SHORT, -SHORT].map(|scale| {
+            let (velocity, length) = geometry.log(middle, exponential(geometry, at.point, vector * scale));
+            let mirrored = geometry.flow(Geodesic { point: middle, velocity: -velocity }, length).point;
+            let (velocity, length) = geometry.log(next.point, mirrored);
+            velocity * length
+        });
+        (at, vector) = (next, (forth - back) / (2.0 * SHORT));
+    }
+    gap4(geometry.transport(s.start, length, s.vectors[0]), vector)
 }
 
 fn log_inverts_flow<G: Geometry>(geometry: G, s: &Sample) -> f64 {

@@ -139,7 +139,7 @@ pub trait Geometry: Copy + Send + Sync + 'static {
         self.components()
     }
 
-    /// The base point: centre of Dirichlet domains, default position of observers.
+    /// The base point, at the origin of the chart: centre of Dirichlet domains, default position of observers.
     fn base(&self) -> DVec4;
 
     /// Puts a point given by the user on the model, or `None` if it has no place there. *Host only.*

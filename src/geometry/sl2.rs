@@ -209,8 +209,7 @@ impl Geometry for Sl2 {
         let horizontal = sinh * (v * cosh - v.perp() * (0.5 * c * sinh));
         let base = p.xy().extend(p.w) + boost(p, horizontal.extend(0.5 * (sinh * radius).powi(2)));
         let (x, one) = (p.xy(), 1.0 + p.w);
-        let (real, imaginary) =
-            (one * cosh + 0.5 * x.dot(v) * sinh, 0.5 * sinh * (v.perp_dot(x) - one * c));
+        let (real, imaginary) = (one * cosh + 0.5 * x.dot(v) * sinh, 0.5 * sinh * (v.perp_dot(x) - one * c));
         let wound = 2.0 * c * t - turns * PI * 2.0 * c.signum();
         let fibre = p.z + (wound + 2.0 * imaginary.atan2(real));
         Geodesic {

@@ -40,12 +40,7 @@ const HORIZON: f64 = 1.0;
 /// Left multiplication by the group element `by`.
 pub fn translation(by: DVec3) -> Isometry {
     let scale = DVec3::new(by.z.exp(), (-by.z).exp(), 1.0);
-    Isometry::linear(DMat4::from_cols(
-        DVec4::X * scale.x,
-        DVec4::Y * scale.y,
-        DVec4::Z,
-        by.extend(1.0),
-    ))
+    Isometry::linear(DMat4::from_cols(DVec4::X * scale.x, DVec4::Y * scale.y, DVec4::Z, by.extend(1.0)))
 }
 
 /// `(e^z x, e^{−z} y)` for a possibly infinite exponential: nothing stays nothing.

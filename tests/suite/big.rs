@@ -121,7 +121,6 @@ impl Classical {
         let spatial: Big = (0..3).map(|i| &u[i] * &v[i]).sum();
         &spatial + &(&Big::new(f64::from(self.0)) * &(&u[3] * &v[3]))
     }
-
 }
 
 impl Model for Classical {

@@ -11,7 +11,7 @@ use crate::{
     support::{self, Random},
 };
 use serde_json::{Value, json};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 #[derive(Clone, Debug)]
 struct Case {
@@ -201,7 +201,7 @@ fn trace_cases() -> Vec<Case> {
         ([1.0, 1.0 + 1e-12, -1.0], 3.0),
         ([1.0, 1.0 - 1e-12, -1.0], 30.0),
         ([0.0, 1.0, -1.0], 1.57),
-        ([0.0, -1.0, 1.0], -1.5707),
+        ([0.0, -1.0, 1.0], 1e-5 - FRAC_PI_2),
         ([1e-12, 0.5, -0.5], 3.1),
         ([0.3, 0.2, 0.9], 15.0),
     ];
@@ -322,4 +322,74 @@ fn geodesic_spoiled_result_is_caught() {
     check_spoiled(sol_cases(), 2);
     check_spoiled(sl2_cases(), 2);
     check_spoiled(trace_cases(), 2);
+}
+
+/// What the program says to one case.
+fn answer(args: &[&str], case: &Value) -> Value {
+    support::run_batch(&[&["geodesic"], args].concat(), std::slice::from_ref(case)).remove(0)
+}
+
+#[test]
+fn geodesic_over_the_edge_of_the_chart_is_an_error_that_says_so() {
+    let case =
+        |length: f64| json!({ "geometry": "sl2-trace", "from": [0, 0, 0], "direction": [0, 1, -1], "length": length });
+    // x = cos t − 1 comes to −1 after a quarter turn.
+    for length in [FRAC_PI_2 + 1e-9, -FRAC_PI_2 - 1e-9, 2.0, 6.3] {
+        let error = answer(&[], &case(length))["error"].to_string();
+        assert!(error.contains("x = -1, the edge of the chart"), "{error}");
+    }
+    assert!(answer(&[], &case(FRAC_PI_2 - 1e-9)).get("error").is_none());
+    assert!(answer(&[], &case(1e-9 - FRAC_PI_2)).get("error").is_none());
+    let zero = json!({ "geometry": "sl2-trace", "from": [0, 0, 0], "direction": [0, 0, 0], "length": 0 });
+    assert!(answer(&[], &zero)["error"].to_string().contains("direction"));
+    let edge = json!({ "geometry": "sl2-trace", "from": [-1, 0, 0], "direction": [1, 0, 0], "length": 0 });
+    assert!(answer(&[], &edge)["error"].to_string().contains("not a point"));
+}
+
+/// Numbers out of range are an error on both sides, never a silent wrong one; what f32 can hold the device gives.
+#[test]
+fn geodesic_that_leaves_f32_is_an_error_and_all_else_is_finite() {
+    let Some(_gpu) = support::gpu() else { return };
+    let mut random = Random(88);
+    let small = [0.0, 1e-30, 1e-12, 1e-6, 1e-3, 1.0];
+    let mut lines = Vec::new();
+    for geometry in ["sol", "sl2"] {
+        for _ in 0..400 {
+            let mut pick = || small[(6.0 * random.next()) as usize] * if random.next() < 0.5 { 1.0 } else { -1.0 };
+            let direction = [pick(), pick(), pick()];
+            if direction == [0.0; 3] {
+                continue;
+            }
+            let from: &[f64] = if geometry == "sol" { &[0.1, -0.2, 0.3] } else { &[0.1, -0.2, 7.0, 1.0] };
+            let length = 10.0_f64.powf(random.within(-8.0, 5.0));
+            lines.push(json!({ "geometry": geometry, "from": from, "direction": direction, "length": length }));
+        }
+    }
+    let double = support::run_batch(&["geodesic"], &lines);
+    let single = support::run_batch(&["geodesic", "--backend", "compute"], &lines);
+    let mut refused = 0;
+    for ((case, double), single) in lines.iter().zip(&double).zip(&single) {
+        let Some(point) = double.get("point") else {
+            assert!(double["error"].to_string().contains("range of f64"), "{case}: {double}");
+            continue;
+        };
+        // Where f64 stays well within f32 all along the way (e^z and the distance from the base), f32 must answer.
+        let length = case["length"].as_f64().expect("a number");
+        let largest = numbers(point).iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        match single.get("point") {
+            Some(found) => {
+                let found = numbers(found);
+                assert!(found.iter().all(|x| x.is_finite()), "{case}: {single}");
+                // A short geodesic is right as well: the rest is sensitive to rounding.
+                let off = numbers(point).iter().zip(&found).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+                assert!(length > 5.0 || off < 1e-5 * (1.0 + largest), "{case}: {found:?} instead of {point}");
+            }
+            None => {
+                refused += 1;
+                assert!(single["error"].to_string().contains("range of f32"), "{case}: {single}");
+                assert!(largest > 1e30 || length > 60.0, "{case} is refused: {single}");
+            }
+        }
+    }
+    assert!(refused > 0, "no case leaves f32");
 }

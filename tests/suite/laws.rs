@@ -1,8 +1,8 @@
 //! The laws of every registered geometry, and geometries spoilt in one function, which must break a law.
 
+use crate::support;
 use glam::{DMat4, DVec3, DVec4};
 use holonomy::geometry::laws::{laws, samples};
-use crate::support;
 use holonomy::geometry::{GEOMETRIES, Geodesic, Geometry, GeometryId, Isometry, Quadric, Visitor, visit};
 
 /// Seed of all samples; change it to look elsewhere.

@@ -185,7 +185,7 @@ pub(super) fn flow(velocity: DVec3, t: f64) -> (DVec3, DVec3) {
             rest = t - turns * period;
         }
     }
-    if !(rest.abs() <= REACH) {
+    if rest.is_nan() || rest.abs() > REACH {
         return (DVec3::INFINITY, DVec3::INFINITY);
     }
     let track = walk(velocity, rest);
