@@ -134,6 +134,10 @@ vec3 sol_differential(vec3 v, float t, out mat3 differential) {
     differential = mat3(1.0);
     SolTrack track = SolTrack(v, vec3(0.0), v.z);
     if (t == 0.0) return track.point;
+    if (!(abs(t) <= SOL_REACH)) {
+        differential = mat3(M_INFINITY);
+        return vec3(M_INFINITY);
+    }
     float count = sol_count(t);
     float h = t / count;
     vec4 varied[3] = vec4[3](vec4(0.0), vec4(0.0), vec4(0.0, 0.0, 0.0, 1.0));

@@ -259,7 +259,7 @@ impl Geometry for Sl2 {
         plane.x * p.x + plane.y * p.y + (plane.z * p.z + plane.w) * p.w
     }
 
-    /// In closed form for vertical planes; for the others [`HORIZON`] is looked ahead, as far as a chord can reach.
+    /// In closed form for vertical planes; for the others `HORIZON` is looked ahead, as far as a chord can reach.
     fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
         let (p, c) = (g.point, g.velocity.z);
         let v = turn(p.z).rotate(g.velocity.xy());

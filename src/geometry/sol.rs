@@ -115,9 +115,9 @@ impl Geometry for Sol {
         Geodesic { point: product(spatial(g.point), end).extend(1.0), velocity: velocity.extend(0.0) }
     }
 
-    /// Newton's method on the end point. Up to a distance of about 4 it finds the shortest geodesic; farther away
-    /// there may be several, of which it finds one near the shortest, or, where it does not converge, the best
-    /// approximation met. The result is finite.
+    /// Newton's method on the end point. Up to a distance of 4 it finds the shortest geodesic (the first conjugate
+    /// points are √2 π away); farther away there may be several, of which it finds one near the shortest, or, where it
+    /// does not converge, the best approximation met. The result is finite.
     fn log(&self, p: DVec4, q: DVec4) -> (DVec4, f64) {
         let v = logarithm(relative(spatial(p), spatial(q)));
         let length = v.length();
@@ -154,7 +154,7 @@ impl Geometry for Sol {
         plane.dot(p)
     }
 
-    /// Looks [`HORIZON`] ahead, as far as a chord can reach.
+    /// Looks `HORIZON` ahead, as far as a chord can reach.
     fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
         let [a, b] = stretch(g.point.z, plane.x, plane.y);
         let rate = DVec3::new(a, b, plane.z).dot(spatial(g.velocity));

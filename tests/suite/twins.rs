@@ -60,7 +60,15 @@ impl Visitor for Cases<'_> {
         for number in 0..200 {
             let radius = if number % 10 == 0 { 0.0 } else { random.within(0.0, 1.2) };
             let point = rounded(exponential(geometry, base, direction(base, &mut random) * radius));
-            let velocity = rounded(direction(point, &mut random));
+            // Along the axes of the frame too, and all but along them.
+            let axes = geometry.frame(point);
+            let aside = axes[(number / 7 + 1) % 3] * 1e-6 + axes[(number / 7 + 2) % 3] * 1e-12;
+            let velocity = match number % 7 {
+                3 => axes[(number / 7) % 3],
+                5 => axes[(number / 7) % 3] + aside,
+                _ => direction(point, &mut random),
+            };
+            let velocity = rounded(velocity);
             let g = Geodesic { point, velocity };
             let t = [0.0, 1e-6, 0.3, 0.7, 1.0, 2.5][number % 6] * random.within(0.9, 1.1);
             // As far as the chart goes, both ways.

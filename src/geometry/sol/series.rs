@@ -203,10 +203,13 @@ pub fn endpoint_with<const N: usize>(velocity: DVec3, t: f64, count: usize) -> D
 }
 
 /// End point after length `t` for unit `velocity`, and the differential of the exponential map at `t velocity` in
-/// the frames of both ends.
+/// the frames of both ends; infinite beyond [`REACH`].
 pub(super) fn differential(velocity: DVec3, t: f64) -> (DVec3, DMat3) {
     if t == 0.0 {
         return (DVec3::ZERO, DMat3::IDENTITY);
+    }
+    if t.is_nan() || t.abs() > REACH {
+        return (DVec3::INFINITY, DMat3::from_diagonal(DVec3::INFINITY));
     }
     let mut track = Track::new(velocity);
     let (count, h) = steps(t);
