@@ -22,6 +22,7 @@
 //   vec3     geo_chart(vec4 p)                              chart coordinates
 //   vec4     geo_unchart(vec3 c)                            and back
 //   vec4     geo_raise(vec4 p, vec3 conormal)               unit normal of a surface with this chart conormal
+//   vec3     geo_lower(vec4 p, vec4 v)                      chart conormal of a tangent vector: raise, up to length
 //   Geodesic geo_apply(Isometry m, Geodesic g)              image of the state under an isometry
 //   Geodesic geo_cross(Isometry m, vec4 plane, Geodesic g)  passage through the face `plane`, m folded as in Rust
 //
@@ -102,6 +103,10 @@ vec4 geo_unchart(vec3 c) {
 
 vec4 geo_raise(vec4 p, vec3 conormal) {
     return vec4(normalize(conormal), 0.0);
+}
+
+vec3 geo_lower(vec4 p, vec4 v) {
+    return v.xyz;
 }
 
 Geodesic geo_apply(Isometry m, Geodesic g) {

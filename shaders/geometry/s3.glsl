@@ -93,6 +93,10 @@ vec4 geo_raise(vec4 p, vec3 conormal) {
     return normalize(vec4(conormal, -dot(conormal, geo_chart(p))));
 }
 
+vec3 geo_lower(vec4 p, vec4 v) {
+    return v.xyz * p.w;
+}
+
 Geodesic geo_apply(Isometry m, Geodesic g) {
     return Geodesic(m.linear * g.point, m.linear * g.velocity);
 }

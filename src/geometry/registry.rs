@@ -12,6 +12,9 @@ macro_rules! geometries {
             (E3, e3, "e3", ["euclidean"], "Euclidean space"),
             (S3, s3, "s3", ["spherical"], "the three-sphere"),
             (H3, h3, "h3", ["hyperbolic"], "hyperbolic space"),
+            (Sol, sol, "sol", ["solv"], "Sol"),
+            (Sl2, sl2, "sl2", ["sl2r"], "the universal cover of SL(2, R)"),
+            (Sl2Trace, sl2_trace, "sl2-trace", ["sl2-book"], "SL(2, R) with the Lorentzian trace form"),
         }
     };
 }

@@ -38,6 +38,20 @@ impl Big {
         Self(self.0.sqrt(BITS, ROUND))
     }
 
+    /// Angle of the vector `(x, self)` in (−π, π].
+    pub fn atan2(&self, x: &Self) -> Self {
+        let pi = CONSTANTS.with_borrow_mut(|c| Self(c.pi(BITS, ROUND)));
+        let ratio = |a: &Self, b: &Self| CONSTANTS.with_borrow_mut(|c| Self((a / b).0.atan(BITS, ROUND, c)));
+        let quarter = &pi / &Self::new(2.0);
+        match (self.0.abs() > x.0.abs(), self.0.is_negative(), x.0.is_negative()) {
+            (true, false, _) => &quarter - &ratio(x, self),
+            (true, true, _) => &(-&quarter) - &ratio(x, self),
+            (false, _, false) => ratio(self, x),
+            (false, false, true) => &ratio(self, x) + &pi,
+            (false, true, true) => &ratio(self, x) - &pi,
+        }
+    }
+
     pub fn sin_cos(&self) -> (Self, Self) {
         CONSTANTS.with_borrow_mut(|c| (Self(self.0.sin(BITS, ROUND, c)), Self(self.0.cos(BITS, ROUND, c))))
     }
@@ -82,24 +96,43 @@ pub struct BigGeodesic {
     pub direction: Big4,
 }
 
+/// A geometry's definition, for the reference.
+pub trait Model: std::fmt::Debug + Sync {
+    fn name(&self) -> &'static str;
+
+    /// How many numbers the program takes for a point and for a direction.
+    fn components(&self) -> [usize; 2];
+
+    /// The user's numbers put on the model, with a unit tangent vector.
+    fn settle(&self, point: [f64; 4], direction: [f64; 4]) -> BigGeodesic;
+
+    /// The flow by length `t`.
+    fn flow(&self, g: &BigGeodesic, t: &Big) -> BigGeodesic;
+}
+
 /// The classical geometries, by the sign of their curvature: −1 hyperbolic, 0 Euclidean, 1 spherical. Written from
 /// the definitions, not from the program.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Classical(pub i32);
 
 impl Classical {
-    pub fn name(self) -> &'static str {
-        ["h3", "e3", "s3"][(self.0 + 1) as usize]
-    }
-
     /// The inner product of R⁴ whose restriction is the metric; the last coordinate does not count in E3.
     pub fn form(self, u: &Big4, v: &Big4) -> Big {
         let spatial: Big = (0..3).map(|i| &u[i] * &v[i]).sum();
         &spatial + &(&Big::new(f64::from(self.0)) * &(&u[3] * &v[3]))
     }
+}
 
-    /// The user's numbers put on the model, with a unit tangent vector.
-    pub fn settle(self, point: [f64; 4], direction: [f64; 4]) -> BigGeodesic {
+impl Model for Classical {
+    fn name(&self) -> &'static str {
+        ["h3", "e3", "s3"][(self.0 + 1) as usize]
+    }
+
+    fn components(&self) -> [usize; 2] {
+        if self.0 == 0 { [3, 3] } else { [4, 4] }
+    }
+
+    fn settle(&self, point: [f64; 4], direction: [f64; 4]) -> BigGeodesic {
         let mut p = point.map(Big::new);
         let mut v = direction.map(Big::new);
         match self.0 {
@@ -121,8 +154,7 @@ impl Classical {
         BigGeodesic { point: p, direction: v.map(|x| &x / &norm) }
     }
 
-    /// The flow by length `t`.
-    pub fn flow(self, g: &BigGeodesic, t: &Big) -> BigGeodesic {
+    fn flow(&self, g: &BigGeodesic, t: &Big) -> BigGeodesic {
         let (s, c) = match self.0 {
             0 => (t.clone(), Big::new(1.0)),
             1 => t.sin_cos(),

@@ -1,6 +1,11 @@
 //! What tests of several modules share: the device, taken by one test at a time, and counted skips.
 
-use holonomy::vulkan::{Context, ContextOptions, Validation, VulkanError};
+use glam::{DVec3, DVec4};
+use holonomy::{
+    geometry::{GeometryId, Isometry, sl2, sl2_trace, sol},
+    space::{catalogue, domain::Domain},
+    vulkan::{Context, ContextOptions, Validation, VulkanError},
+};
 use serde_json::Value;
 use std::{
     env,
@@ -99,6 +104,28 @@ pub fn skip(what: &str, reason: &str) {
     assert!(!required.split(',').any(|r| r.trim() == what), "{what} is required, but: {reason}");
     let count = SKIPPED.fetch_add(1, Ordering::Relaxed) + 1;
     let _ = writeln!(std::io::stderr(), "skipped: {what}: {reason} (skip {count} of this run)");
+}
+
+/// Isometries of a geometry, folded as `cross` wants them, each with a plane: the pairings of the catalogue's spaces
+/// and their faces, or left multiplications where no space has the geometry.
+pub fn isometries(id: GeometryId) -> Vec<(Isometry, Isometry, DVec4)> {
+    let spaces = catalogue::NAMES.iter().filter_map(|name| catalogue::find(name)).filter(|s| s.geometry == id);
+    let faces = spaces.flat_map(|space| Domain::new(&space).faces);
+    let pairings: Vec<_> = faces.map(|face| (face.pairing, face.folded, face.plane)).collect();
+    if !pairings.is_empty() {
+        return pairings;
+    }
+    let by = [DVec3::new(0.7, -0.4, 0.9), DVec3::new(-0.3, 0.5, -0.6), DVec3::new(0.0, 1.1, 0.0)];
+    by.map(|by| match id.name() {
+        "sol" => sol::translation(by),
+        // More than a turn of the fibre.
+        "sl2" => sl2::translation(sl2::element(by.x, by.y, 9.0 * by.z)),
+        // Lower triangular matrices move no point over the edge of the chart.
+        "sl2-trace" => sl2_trace::translation(DVec3::new(0.5 * by.x, 0.0, by.z)),
+        other => panic!("no isometries of {other}"),
+    })
+    .map(|m| (m, m, DVec4::new(1.0, 0.25, 0.0, -0.5)))
+    .to_vec()
 }
 
 /// Random numbers in [0, 1), the same in every run: splitmix64.

@@ -6,7 +6,7 @@
 //! in H3 the first faces dominate, because later errors have less length to grow.
 
 use crate::{
-    big::{Big, Big4, Classical, distance},
+    big::{Big, Big4, Classical, Model, distance},
     spaces::classical_names,
     support::{self, Random},
 };
