@@ -156,15 +156,15 @@ impl Geometry for E3 {
         (length > 0.0).then(|| (q / length).extend(-0.5 * length))
     }
 
-    fn ball(&self, centre: DVec4, radius: f64) -> Quadric {
+    fn ball(&self, centre: DVec4, radius: f64) -> Option<Quadric> {
         let c = spatial(centre);
         let forms = DVec3::AXES.map(|axis| axis.extend(-axis.dot(c)));
-        Quadric { forms, quadratic: 0.0, constant: radius * radius }
+        Some(Quadric { forms, quadratic: 0.0, constant: radius * radius })
     }
 
-    fn tube(&self, axis: Geodesic, radius: f64) -> Quadric {
+    fn tube(&self, axis: Geodesic, radius: f64) -> Option<Quadric> {
         let [a, b] = across(*self, axis).map(|n| spatial(n).extend(-spatial(n).dot(spatial(axis.point))));
-        Quadric { forms: [a, b, DVec4::ZERO], quadratic: 0.0, constant: radius * radius }
+        Some(Quadric { forms: [a, b, DVec4::ZERO], quadratic: 0.0, constant: radius * radius })
     }
 }
 

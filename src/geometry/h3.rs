@@ -189,16 +189,16 @@ impl Geometry for H3 {
         (norm > 0.0).then(|| FORM * difference / norm.sqrt())
     }
 
-    fn ball(&self, centre: DVec4, radius: f64) -> Quadric {
+    fn ball(&self, centre: DVec4, radius: f64) -> Option<Quadric> {
         // The squared sinh of the distance from c is the part of −⟨x, x⟩ normal to c.
         let share = radius.sinh().powi(2);
-        Quadric { forms: self.frame(centre).map(|e| FORM * e), quadratic: -share, constant: share }
+        Some(Quadric { forms: self.frame(centre).map(|e| FORM * e), quadratic: -share, constant: share })
     }
 
-    fn tube(&self, axis: Geodesic, radius: f64) -> Quadric {
+    fn tube(&self, axis: Geodesic, radius: f64) -> Option<Quadric> {
         let [a, b] = across(*self, axis).map(|n| FORM * n);
         let share = radius.sinh().powi(2);
-        Quadric { forms: [a, b, DVec4::ZERO], quadratic: -share, constant: share }
+        Some(Quadric { forms: [a, b, DVec4::ZERO], quadratic: -share, constant: share })
     }
 }
 

@@ -36,6 +36,7 @@ const STEP: f64 = 1e-4;
 pub fn laws<G: Geometry>() -> Vec<Law<G>> {
     let law = |name, tolerance, residual| Law { name, tolerance, residual };
     vec![
+        law("base is the origin of the chart", EXACT, base_is_origin),
         law("points and tangent vectors settle where they are", EXACT, settles::<G>),
         law("norm agrees with inner", EXACT, norm_agrees),
         law("frame is orthonormal and positive in the chart", EXACT, frame_is_orthonormal),
@@ -47,6 +48,7 @@ pub fn laws<G: Geometry>() -> Vec<Law<G>> {
         law("flow reverses", EXACT, flow_reverses),
         law("flow has unit speed", EXACT, flow_has_unit_speed),
         law("transport keeps inner and carries the velocity", EXACT, transport_keeps_inner),
+        law("transport has no torsion", 1e-2, transport_has_no_torsion),
         law("log inverts flow", 1e-11, log_inverts_flow),
         law("closeness decreases with the distance", EXACT, closeness_decreases),
         law("area density is that of the flow", DIFFERENCE, area_density_is_of_the_flow),
@@ -121,6 +123,10 @@ fn reversed(g: Geodesic) -> Geodesic {
 }
 
 // --- the laws -------------------------------------------------------------------------------------
+
+fn base_is_origin<G: Geometry>(geometry: G, _s: &Sample) -> f64 {
+    worst(geometry.chart(geometry.base()).to_array().map(f64::abs))
+}
 
 fn settles<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let p = s.start.point;
@@ -209,6 +215,20 @@ fn transport_keeps_inner<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let velocity = gap4(end.velocity, geometry.transport(s.start, t, s.start.velocity));
     let tangent = gap4(tu, geometry.settle_tangent(end.point, tu));
     worst([inner, velocity, tangent])
+}
+
+/// A step along u and then one along v, both parallel, end where the steps in the other order end, but for terms of
+/// third order.
+fn transport_has_no_torsion<G: Geometry>(geometry: G, s: &Sample) -> f64 {
+    const STEP: f64 = 1e-3;
+    let p = s.start.point;
+    let [u, v] = [s.start.velocity, across(geometry, s.start)[0]];
+    let corner = |first: DVec4, second: DVec4| {
+        let along = Geodesic { point: p, velocity: first };
+        let velocity = geometry.transport(along, STEP, second);
+        geometry.flow(Geodesic { point: geometry.flow(along, STEP).point, velocity }, STEP).point
+    };
+    geometry.distance(corner(u, v), corner(v, u)) / (STEP * STEP)
 }
 
 fn log_inverts_flow<G: Geometry>(geometry: G, s: &Sample) -> f64 {
@@ -304,11 +324,13 @@ fn closeness_decreases<G: Geometry>(geometry: G, s: &Sample) -> f64 {
 
 /// A state on a plane, taken through it by the folded pairing and by the pairing itself.
 fn cross_is_the_pairing<G: Geometry>(geometry: G, s: &Sample) -> f64 {
-    // The bisector of the base point and a point farther than the state: planes of domains are such.
+    // The bisector of the base point and a point farther than the state, where there are bisectors: planes of
+    // domains are such.
     let base = geometry.base();
     let frame = geometry.frame(base);
     let away = frame[0] * s.conormal.x + frame[1] * s.conormal.y + frame[2] * s.conormal.z;
-    let Some(plane) = geometry.bisector(exponential(geometry, base, away * (s.length + 0.1))) else { return 0.0 };
+    let plane = geometry.bisector(exponential(geometry, base, away * (s.length + 0.1)));
+    let plane = plane.unwrap_or(s.conormal.extend(-s.length));
     let pairing = &s.isometries[0];
     let crossed = geometry.cross(&geometry.fold(plane, pairing), plane, s.start);
     gap_geodesic(geometry.apply(pairing, s.start), crossed)
@@ -394,7 +416,7 @@ fn quadric_value<G: Geometry>(geometry: G, quadric: Quadric, p: DVec4) -> f64 {
 
 fn ball_vanishes<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let radius = s.length.clamp(0.05, 0.5);
-    let ball = geometry.ball(s.start.point, radius);
+    let Some(ball) = geometry.ball(s.start.point, radius) else { return 0.0 };
     let value = |r: f64| quadric_value(geometry, ball, geometry.flow(s.start, r).point);
     let signs = promise(value(0.9 * radius) < 0.0 && value(1.1 * radius) > 0.0 && value(0.0) < 0.0);
     worse(value(radius).abs(), signs)
@@ -402,7 +424,7 @@ fn ball_vanishes<G: Geometry>(geometry: G, s: &Sample) -> f64 {
 
 fn tube_vanishes<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let radius = s.length.clamp(0.05, 0.5);
-    let tube = geometry.tube(s.start, radius);
+    let Some(tube) = geometry.tube(s.start, radius) else { return 0.0 };
     let along = geometry.flow(s.start, 0.2 * s.any_lengths[1]);
     let [a, b] = across(geometry, along);
     let (sin, cos) = s.any_lengths[0].sin_cos();

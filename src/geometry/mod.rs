@@ -22,9 +22,14 @@
 //! is "all the way"; elsewhere the path is walked in several chords, and each is one segment for traversal.
 
 pub mod e3;
+pub mod h2xr;
 pub mod h3;
 pub mod laws;
+pub mod nil;
+mod passage;
+pub mod product;
 pub(crate) mod registry;
+pub mod s2xr;
 pub mod s3;
 
 use glam::{DMat4, DVec3, DVec4, Vec4Swizzles};
@@ -253,11 +258,11 @@ pub trait Geometry: Copy + Send + Sync + 'static {
 
     // --- quadrics -----------------------------------------------------------------------------------
 
-    /// The metric ball. *Host only.*
-    fn ball(&self, centre: DVec4, radius: f64) -> Quadric;
+    /// The metric ball, or `None` where it is no quadric of the chart. *Host only.*
+    fn ball(&self, centre: DVec4, radius: f64) -> Option<Quadric>;
 
-    /// The tube of points nearer than `radius` to the whole geodesic `axis`. *Host only.*
-    fn tube(&self, axis: Geodesic, radius: f64) -> Quadric;
+    /// The tube of points nearer than `radius` to the whole geodesic `axis`, or `None` as for balls. *Host only.*
+    fn tube(&self, axis: Geodesic, radius: f64) -> Option<Quadric>;
 }
 
 /// A start this far outside a face plane (in the plane's own units) still counts as inside: the rounding of one

@@ -12,6 +12,9 @@ macro_rules! geometries {
             (E3, e3, "e3", ["euclidean"], "Euclidean space"),
             (S3, s3, "s3", ["spherical"], "the three-sphere"),
             (H3, h3, "h3", ["hyperbolic"], "hyperbolic space"),
+            (S2xR, s2xr, "s2xr", ["sphere-line"], "the sphere times a line"),
+            (H2xR, h2xr, "h2xr", ["plane-line"], "the hyperbolic plane times a line"),
+            (Nil, nil, "nil", ["heisenberg"], "Nil, the Heisenberg group"),
         }
     };
 }

@@ -170,16 +170,16 @@ impl Geometry for S3 {
         (norm > 0.0).then(|| difference / norm)
     }
 
-    fn ball(&self, centre: DVec4, radius: f64) -> Quadric {
+    fn ball(&self, centre: DVec4, radius: f64) -> Option<Quadric> {
         // The squared sine of the distance from c is the part of |x|² normal to c.
         let share = radius.sin().powi(2);
-        Quadric { forms: self.frame(centre), quadratic: share, constant: share }
+        Some(Quadric { forms: self.frame(centre), quadratic: share, constant: share })
     }
 
-    fn tube(&self, axis: Geodesic, radius: f64) -> Quadric {
+    fn tube(&self, axis: Geodesic, radius: f64) -> Option<Quadric> {
         let [a, b] = across(*self, axis);
         let share = radius.sin().powi(2);
-        Quadric { forms: [a, b, DVec4::ZERO], quadratic: share, constant: share }
+        Some(Quadric { forms: [a, b, DVec4::ZERO], quadratic: share, constant: share })
     }
 }
 

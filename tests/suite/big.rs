@@ -100,6 +100,13 @@ impl Classical {
 
     /// The user's numbers put on the model, with a unit tangent vector.
     pub fn settle(self, point: [f64; 4], direction: [f64; 4]) -> BigGeodesic {
+        let BigGeodesic { point, direction } = self.project(point, direction);
+        let norm = self.form(&direction, &direction).sqrt();
+        BigGeodesic { point, direction: direction.map(|x| &x / &norm) }
+    }
+
+    /// The same with the tangent part of the direction as it is.
+    fn project(self, point: [f64; 4], direction: [f64; 4]) -> BigGeodesic {
         let mut p = point.map(Big::new);
         let mut v = direction.map(Big::new);
         match self.0 {
@@ -117,8 +124,7 @@ impl Classical {
             let along = &self.form(&p, &v) * &Big::new(f64::from(self.0));
             v = std::array::from_fn(|i| &v[i] - &(&along * &p[i]));
         }
-        let norm = self.form(&v, &v).sqrt();
-        BigGeodesic { point: p, direction: v.map(|x| &x / &norm) }
+        BigGeodesic { point: p, direction: v }
     }
 
     /// The flow by length `t`.
@@ -135,6 +141,102 @@ impl Classical {
             direction: std::array::from_fn(|i| combine(&c, &g.direction[i], &turn, &g.point[i])),
         }
     }
+}
+
+/// The geometries with a closed flow, written from the definitions, not from the program.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Model {
+    Classical(Classical),
+    /// A surface of this curvature times a line, the third coordinate.
+    Product(i32),
+    Nil,
+}
+
+impl Model {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Classical(classical) => classical.name(),
+            Self::Product(curvature) => ["h2xr", "", "s2xr"][(curvature + 1) as usize],
+            Self::Nil => "nil",
+        }
+    }
+
+    /// How many numbers users see.
+    pub fn components(self) -> usize {
+        if matches!(self, Self::Classical(Classical(0)) | Self::Nil) { 3 } else { 4 }
+    }
+
+    /// The user's numbers put on the model, with a unit tangent vector.
+    pub fn settle(self, point: [f64; 4], direction: [f64; 4]) -> BigGeodesic {
+        match self {
+            Self::Classical(classical) => classical.settle(point, direction),
+            Self::Nil => Classical(0).settle(point, direction),
+            Self::Product(curvature) => {
+                // The slice z = 0 of the classical geometry, tangent but not yet unit.
+                let flat = |v: [f64; 4]| [v[0], v[1], 0.0, v[3]];
+                let surface = Classical(curvature);
+                let mut g = surface.project(flat(point), flat(direction));
+                g.point[2] = Big::new(point[2]);
+                g.direction[2] = Big::new(direction[2]);
+                // The form counts the third coordinate as a line already.
+                let norm = surface.form(&g.direction, &g.direction).sqrt();
+                BigGeodesic { direction: g.direction.map(|x| &x / &norm), ..g }
+            }
+        }
+    }
+
+    /// The flow by length `t`.
+    pub fn flow(self, g: &BigGeodesic, t: &Big) -> BigGeodesic {
+        match self {
+            Self::Classical(classical) => classical.flow(g, t),
+            Self::Nil => nil_flow(g, t),
+            Self::Product(curvature) => {
+                let surface = Classical(curvature);
+                let zero = Big::new(0.0);
+                let mut h = g.direction.clone();
+                h[2] = zero.clone();
+                let speed = surface.form(&h, &h).sqrt();
+                let mut p = g.point.clone();
+                p[2] = zero.clone();
+                let mut end = BigGeodesic { point: p.clone(), direction: h.clone() };
+                if speed.to_f64() > 0.0 {
+                    let unit = BigGeodesic { point: p, direction: h.map(|x| &x / &speed) };
+                    end = surface.flow(&unit, &(&speed * t));
+                    end.direction = end.direction.map(|x| &x * &speed);
+                }
+                end.point[2] = &g.point[2] + &(&g.direction[2] * t);
+                end.direction[2] = g.direction[2].clone();
+                end
+            }
+        }
+    }
+}
+
+/// Nil by integration of the turning frame velocity, as it stands in the books: with divisions by w.
+fn nil_flow(g: &BigGeodesic, t: &Big) -> BigGeodesic {
+    let [u, v, w, _] = &g.direction;
+    let two = Big::new(2.0);
+    let product = |x: &Big, y: &Big, z: &Big| {
+        let [px, py, pz, one] = &g.point;
+        [px + x, py + y, &(pz + z) + &(px * y), one.clone()]
+    };
+    if w.to_f64() == 0.0 {
+        let (x, y) = (u * t, v * t);
+        let z = &(&x * &y) / &two;
+        return BigGeodesic { point: product(&x, &y, &z), direction: g.direction.clone() };
+    }
+    let angle = w * t;
+    let (sin, cos) = angle.sin_cos();
+    let turned = [&(u * &cos) - &(v * &sin), &(u * &sin) + &(v * &cos)];
+    // x' = u, y' = v; z = ∫ w + x v, where x = (v(s) − v)/w.
+    let (x, y) = (&(&turned[1] - v) / w, &(u - &turned[0]) / w);
+    let square = &(u * u) + &(v * v);
+    // ∫ v² = c² t/2 − (sin 2θ − sin 2α) c²/(4w) = c² t/2 − (u v at the end − u v)/(2w).
+    let products = &(&turned[0] * &turned[1]) - &(u * v);
+    let squares = &(&(&square * t) / &two) - &(&products / &(&two * w));
+    let z = &(&angle + &(&squares / w)) - &(&(v * &y) / w);
+    let [u, v] = turned;
+    BigGeodesic { point: product(&x, &y, &z), direction: [u, v, w.clone(), Big::new(0.0)] }
 }
 
 /// Euclidean distance of a computed vector from the reference.

@@ -6,7 +6,7 @@
 //! the device.
 
 use crate::{
-    big::{Big, BigGeodesic, Classical, distance},
+    big::{Big, BigGeodesic, Classical, Model, distance},
     support::{self, Random},
 };
 use serde_json::{Value, json};
@@ -14,7 +14,7 @@ use std::f64::consts::{PI, TAU};
 
 #[derive(Clone, Debug)]
 struct Case {
-    geometry: Classical,
+    geometry: Model,
     from: [f64; 4],
     direction: [f64; 4],
     length: f64,
@@ -22,7 +22,7 @@ struct Case {
 
 impl Case {
     fn json(&self) -> Value {
-        let n = if self.geometry.0 == 0 { 3 } else { 4 };
+        let n = self.geometry.components();
         json!({
             "geometry": self.geometry.name(),
             "from": self.from[..n],
@@ -92,10 +92,11 @@ fn cases() -> Vec<Case> {
                 let v = unit(&mut random);
                 let from = [0.0, 0.0, 0.0, 1.0];
                 let direction = [v[0] * scale, v[1] * scale, v[2] * scale, 0.0];
-                cases.push(Case { geometry, from, direction, length });
+                let model = Model::Classical(geometry);
+                cases.push(Case { geometry: model, from, direction, length });
                 // Along an axis, where components vanish.
                 let direction = [0.0, -scale, 0.0, 0.0];
-                cases.push(Case { geometry, from, direction, length });
+                cases.push(Case { geometry: model, from, direction, length });
                 // From a point nearby, with a direction that is not tangent before it is projected.
                 let p = unit(&mut random);
                 let from = match geometry.0 {
@@ -103,7 +104,7 @@ fn cases() -> Vec<Case> {
                     _ => [p[0], p[1], p[2], 1.5],
                 };
                 let direction = [v[1] * scale, v[2] * scale, v[0] * scale, 0.3 * scale];
-                cases.push(Case { geometry, from, direction, length });
+                cases.push(Case { geometry: model, from, direction, length });
             }
         }
     }
@@ -115,8 +116,60 @@ fn cases() -> Vec<Case> {
             let direction =
                 [-d.cosh() * n[0] + miss * n[1], -d.cosh() * n[1] - miss * n[0], -d.cosh() * n[2], -d.sinh()];
             for length in [d, 2.0 * d, -1.0] {
-                cases.push(Case { geometry: Classical(-1), from, direction, length });
+                cases.push(Case { geometry: Model::Classical(Classical(-1)), from, direction, length });
             }
+        }
+    }
+    cases.extend(product_cases(&mut random));
+    cases.extend(nil_cases(&mut random));
+    cases
+}
+
+/// Scales of directions, by which nothing may change.
+const SCALES: [f64; 3] = [1.0, 1e-30, 1e25];
+
+/// Surfaces times a line: general directions, and some that are vertical or horizontal or nearly so.
+fn product_cases(random: &mut Random) -> Vec<Case> {
+    let mut cases = Vec::new();
+    for curvature in [1, -1] {
+        let lengths: &[f64] = match curvature {
+            1 => &[0.0, 1.0, -1.0, 1e-9, 3.0, PI, -TAU - 1e-3, 100.0, 1000.0, -999.123],
+            _ => &[0.0, 1.0, -1.0, 1e-9, 5.0, -20.0, 37.7, 50.0],
+        };
+        for &length in lengths {
+            for steep in [0.0, 1e-12, 1e-6, 0.3, 1.0, 3.0, 1e6, 1e12, f64::INFINITY] {
+                let scale = SCALES[cases.len() % 3];
+                let (across, along) = if steep.is_finite() { (scale, scale * steep) } else { (0.0, -scale) };
+                let (sin, cos) = random.within(-PI, PI).sin_cos();
+                let geometry = Model::Product(curvature);
+                let (from, direction) = ([0.0, 0.0, 0.0, 1.0], [across * cos, across * sin, along, 0.0]);
+                cases.push(Case { geometry, from, direction, length });
+                // From elsewhere; in the surface the direction is not tangent before it is projected.
+                let from = [random.within(-0.7, 0.7), random.within(-0.7, 0.7), random.within(-9.0, 9.0), 1.2];
+                let direction = [across * cos, across * sin, along, across * 0.3];
+                cases.push(Case { geometry, from, direction, length });
+            }
+        }
+    }
+    cases
+}
+
+/// Nil, with the fibre's component of the direction from all of it to nothing.
+fn nil_cases(random: &mut Random) -> Vec<Case> {
+    let mut cases = Vec::new();
+    for length in [0.0, 1e-9, 1.0, -1.0, 5.0, -20.0, TAU, 100.0, 1000.0, -1000.0] {
+        for w in [1.0, 0.9, 0.3, 0.1, 1e-2, 1e-3, 1e-5, 1e-7, 1e-9, 1e-12, 0.0] {
+            let scale = SCALES[cases.len() % 3];
+            let (sin, cos) = random.within(-PI, PI).sin_cos();
+            let c = (1.0_f64 - w * w).sqrt();
+            let direction = [c * cos * scale, c * sin * scale, if cos > 0.0 { w } else { -w } * scale, 0.0];
+            let mut case = Case { geometry: Model::Nil, from: [0.0; 4], direction, length };
+            cases.push(case.clone());
+            case.from = [random.within(-3.0, 3.0), random.within(-3.0, 3.0), random.within(-3.0, 3.0), 0.0];
+            cases.push(case.clone());
+            // Along an axis of the plane.
+            case.direction[..2].copy_from_slice(&[0.0, c * scale]);
+            cases.push(case);
         }
     }
     cases
@@ -171,10 +224,37 @@ fn geodesic_f32_is_within_ten_floors() {
 
 #[test]
 fn geodesic_spoiled_result_is_caught() {
-    let (ratio, _) = worst_ratio(&[], 2.0_f64.powi(-53), |index, v| {
-        if index == 11 {
-            v[0] += 1e-13;
-        }
-    });
-    assert!(ratio > 10.0, "a result that is off by 1e-13 passed with {ratio:.1} floors");
+    // The first case of unit length from the base point of each geometry.
+    let cases = cases();
+    for name in ["e3", "s3", "h3", "s2xr", "h2xr", "nil"] {
+        let ordinary = |c: &Case| c.geometry.name() == name && c.length == 1.0 && c.from[..3] == [0.0; 3];
+        let spoiled = cases.iter().position(ordinary).expect("a case");
+        let (ratio, _) = worst_ratio(&[], 2.0_f64.powi(-53), |index, v| {
+            if index == spoiled {
+                v[0] += 1e-13;
+            }
+        });
+        assert!(ratio > 10.0, "{name}: a result that is off by 1e-13 passed with {ratio:.1} floors");
+    }
+}
+
+#[test]
+fn geodesic_out_of_range_is_an_error() {
+    let case = |geometry: &str, n: usize, direction: [f64; 4], length: f64| {
+        let from = [0.0, 0.0, 0.0, 1.0];
+        json!({ "geometry": geometry, "from": from[..n], "direction": direction[..n], "length": length })
+    };
+    let lines = [
+        case("h2xr", 4, [1.0, 0.0, 0.5, 0.0], 1000.0),
+        case("h2xr", 4, [0.0, 0.0, 0.0, 0.0], 1.0),
+        case("s2xr", 4, [0.0, 0.0, 0.0, 1.0], 1.0),
+        case("nil", 3, [1.0, 1.0, 0.0, 0.0], 1e200),
+        case("nil", 3, [0.0, 0.0, 0.0, 0.0], 0.0),
+    ];
+    for (line, result) in lines.iter().zip(support::run_batch(&["geodesic"], &lines)) {
+        assert!(result["error"].is_string(), "{line}: {result}");
+    }
+    // Vertical geodesics go as far as numbers do.
+    let far = support::run_batch(&["geodesic"], &[case("h2xr", 4, [0.0, 0.0, 2.0, 0.0], 1e9)]);
+    assert_eq!(far[0]["point"], json!([0.0, 0.0, 1e9, 1.0]));
 }

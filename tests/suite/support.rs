@@ -1,6 +1,11 @@
 //! What tests of several modules share: the device, taken by one test at a time, and counted skips.
 
-use holonomy::vulkan::{Context, ContextOptions, Validation, VulkanError};
+use glam::{DMat4, DVec4};
+use holonomy::{
+    geometry::{GeometryId, Isometry, matrix_from_rows},
+    space::{catalogue, domain::Domain},
+    vulkan::{Context, ContextOptions, Validation, VulkanError},
+};
 use serde_json::Value;
 use std::{
     env,
@@ -137,4 +142,42 @@ pub fn run_batch(args: &[&str], lines: &[Value]) -> Vec<Value> {
     assert!(output.status.success());
     let text = String::from_utf8(output.stdout).expect("output is text");
     text.lines().map(|line| serde_json::from_str(line).expect("output is JSON")).collect()
+}
+
+/// Face planes with their pairings: those of the catalogue's spaces with this geometry, and isometries of kinds that
+/// no catalogue space has.
+pub fn pairings(id: GeometryId) -> Vec<(DVec4, Isometry)> {
+    let spaces = catalogue::NAMES.iter().filter_map(|name| catalogue::find(name)).filter(|s| s.geometry == id);
+    let faces = spaces.flat_map(|s| Domain::new(&s).faces.into_iter().map(|face| (face.plane, face.pairing)));
+    faces.chain(rare_isometries(id.name()).into_iter().map(|m| (DVec4::new(0.6, 0.8, 0.0, -0.4), m))).collect()
+}
+
+fn rare_isometries(geometry: &str) -> Vec<Isometry> {
+    let rows = |r: [[f64; 4]; 4], z: f64| Isometry { linear: matrix_from_rows(r), shift: DVec4::Z * z };
+    let (s, c) = 0.7_f64.sin_cos();
+    let (sh, ch) = (0.7_f64.sinh(), 0.7_f64.cosh());
+    let turn = [[c, -s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+    let upside_down = DMat4::from_diagonal(DVec4::new(-1.0, 1.0, -1.0, 1.0));
+    let product = |along: [[f64; 4]; 4]| {
+        vec![
+            rows(along, 0.3),
+            Isometry { linear: matrix_from_rows(along) * matrix_from_rows(turn), shift: DVec4::Z },
+            Isometry { linear: upside_down * matrix_from_rows(along), shift: DVec4::Z * -1.2 },
+        ]
+    };
+    match geometry {
+        "s2xr" => product([[c, 0.0, 0.0, s], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [-s, 0.0, 0.0, c]]),
+        "h2xr" => product([[ch, 0.0, 0.0, sh], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [sh, 0.0, 0.0, ch]]),
+        // A turn about the fibre, and a mirror of the plane with the fibre turned over, each before a left
+        // multiplication by (a, 0.2, 0.4).
+        "nil" => [0.0, -0.8]
+            .into_iter()
+            .flat_map(|a| {
+                let turned = [[c, -s, 0.0, a], [s, c, 0.0, 0.2], [a * s, a * c, 1.0, 0.4], [0.0, 0.0, 0.0, 1.0]];
+                let mirrored = [[c, s, 0.0, a], [s, -c, 0.0, 0.2], [a * s, -a * c, -1.0, 0.4], [0.0, 0.0, 0.0, 1.0]];
+                [rows(turned, 0.0), rows(mirrored, 0.0)]
+            })
+            .collect(),
+        _ => Vec::new(),
+    }
 }

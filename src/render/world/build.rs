@@ -214,7 +214,7 @@ impl<'a, G: Geometry> Builder<'a, G> {
             let extent = Balls { centres: &[*centre], radius };
             for copy in copies(geometry, &self.domain, cell, &extent, &object.name)? {
                 let image = geometry.apply(&copy.isometry, Geodesic { point: *centre, velocity: DVec4::ZERO }).point;
-                let ball = geometry.ball(image, radius);
+                let Some(ball) = geometry.ball(image, radius) else { continue };
                 self.add_quadric(index, object, copy, ball, [DVec4::W; 2], ball_box(&ball));
             }
         }
@@ -245,10 +245,12 @@ impl<'a, G: Geometry> Builder<'a, G> {
                 conormal.extend(-conormal.dot(geometry.chart(g.point)))
             };
             let bounds = (0..=BALLS)
-                .map(|i| ball_box(&geometry.ball(geometry.flow(start, spacing * i as f64).point, wide)))
+                .filter_map(|i| geometry.ball(geometry.flow(start, spacing * i as f64).point, wide))
+                .map(|ball| ball_box(&ball))
                 .fold(Aabb::EMPTY, Aabb::union);
             let clips = [clip(start, 1.0), clip(end, -1.0)];
-            self.add_quadric(index, object, copy, geometry.tube(start, radius), clips, bounds);
+            let Some(tube) = geometry.tube(start, radius) else { continue };
+            self.add_quadric(index, object, copy, tube, clips, bounds);
         }
         Ok(())
     }

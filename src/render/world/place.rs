@@ -109,8 +109,10 @@ pub struct Balls<'a> {
 impl Balls<'_> {
     /// For one ball: beyond the plane altogether (1), cut by it (0), or inside altogether (−1).
     fn side<G: Geometry>(&self, geometry: G, centre: DVec4, plane: DVec4) -> i32 {
+        // What is not known to be apart may meet.
+        let Some(ball) = geometry.ball(centre, self.radius) else { return 0 };
         // A plane touches the quadric exactly if it is on the dual quadric (inverse matrix).
-        let dual = plane.dot(geometry.ball(centre, self.radius).matrix().inverse() * plane);
+        let dual = plane.dot(ball.matrix().inverse() * plane);
         if !dual.is_finite() || dual >= -1e-9 {
             0
         } else if geometry.side(centre, plane) > 0.0 {
