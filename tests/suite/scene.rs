@@ -69,7 +69,9 @@ fn missing_scenes_are_refused() {
     let message = |name| file::load(name).expect_err("a refusal").to_string();
     assert_eq!(message("no/such.toml"), "no/such.toml: no such file");
     assert_eq!(message("poincar"), "poincar: no such file, and no scene of this name: did you mean \"poincare\"?");
-    assert!(message("zzzzzz").starts_with("zzzzzz: no such file, and no scene of this name: scenes: knot, leaves, "));
+    assert!(
+        message("zzzzzz").starts_with("zzzzzz: no such file, and no scene of this name: scenes: genus2xs1, knot, ")
+    );
 }
 
 #[test]
