@@ -57,7 +57,8 @@ fn gram<P: Product>() -> DMat4 {
     DMat4::from_diagonal(DVec4::new(1.0, 1.0, 1.0, P::CURVATURE))
 }
 
-/// Length of the part of a unit velocity in the surface, from the part that says it best.
+/// Length of the part of a unit velocity in the surface. Where it is large the other part says it with fewer
+/// roundings, which e^ct multiplies.
 fn speed<P: Product>(g: Geodesic) -> f64 {
     let b = g.velocity.z;
     if b.abs() < 0.7 { ((1.0 - b) * (1.0 + b)).sqrt() } else { P::SPACE.norm(slice(g.point), slice(g.velocity)) }

@@ -1,11 +1,11 @@
-//! Chords, exits and logarithms, each against walks along the flow.
+//! Chords, exits, logarithms and area densities, each against walks along the flow.
 //!
 //! The samples of the laws are short and near the base point; here geodesics are as long and as far away as paths
 //! through a cell make them.
 
 use crate::support::Random;
 use glam::{DVec3, DVec4};
-use holonomy::geometry::{GEOMETRIES, Geodesic, Geometry, Visitor, exponential, visit};
+use holonomy::geometry::{GEOMETRIES, Geodesic, Geometry, Visitor, across, exponential, visit};
 
 /// A state within the distance of the base point, sometimes along an axis of the frame or nearly so.
 fn state<G: Geometry>(geometry: G, random: &mut Random, distance: f64) -> Geodesic {
@@ -199,5 +199,57 @@ fn curves_logarithms_reach_and_are_not_longer() {
         assert!(excess < 1e-9, "{}: a way is shorter by {excess:e}", entry.name);
         let (spoiled, _) = visit(entry.id, Logarithms { spoil: 1e-6 });
         assert!(spoiled > 1e-9, "{}: a spoiled length passes", entry.name);
+    }
+}
+
+/// Worst error of the area density, relative to its size, over lengths that pass conjugate points; `spoil` is added.
+struct AreaDensity {
+    spoil: f64,
+}
+
+impl Visitor for AreaDensity {
+    type Output = f64;
+    fn visit<G: Geometry>(self, geometry: G) -> f64 {
+        let mut random = Random(1845);
+        let mut worst = 0.0_f64;
+        for _ in 0..2000 {
+            let distance = random.within(0.0, 1.0);
+            let g = state(geometry, &mut random, distance);
+            let t = random.within(0.1, 9.0);
+            let density = geometry.area_density(g, t) + self.spoil;
+            assert!(density >= 0.0);
+            // Small enough that what the flow makes of it is small.
+            let step = 1e-4 / (1.0 + density);
+            let end = geometry.flow(g, t).point;
+            // Far out in hyperbolic space ambient coordinates leave few digits to differences.
+            if end.abs().max_element() > 50.0 {
+                continue;
+            }
+            let field = across(geometry, g).map(|e| {
+                let near = |angle: f64| {
+                    let velocity = g.velocity * angle.cos() + e * angle.sin();
+                    let (direction, length) =
+                        geometry.log(end, geometry.flow(Geodesic { point: g.point, velocity }, t).point);
+                    direction * length
+                };
+                (near(step) - near(-step)) / (2.0 * step)
+            });
+            let inner = |i: usize, j: usize| geometry.inner(end, field[i], field[j]);
+            // The Gram determinant of two vectors cancels where they are nearly parallel.
+            let size = inner(0, 0) * inner(1, 1);
+            let area = (size - inner(0, 1).powi(2)).max(0.0).sqrt();
+            worst = worst.max((density * density - area * area).abs() / (1.0 + size));
+        }
+        worst
+    }
+}
+
+#[test]
+fn curves_area_density_is_that_of_the_flow() {
+    for entry in GEOMETRIES {
+        let worst = visit(entry.id, AreaDensity { spoil: 0.0 });
+        println!("{}: area density off by {worst:.1e}", entry.name);
+        assert!(worst < 1e-4, "{}: {worst:e}", entry.name);
+        assert!(visit(entry.id, AreaDensity { spoil: 0.1 }) > 1e-3, "{}: a spoiled density passes", entry.name);
     }
 }

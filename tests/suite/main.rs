@@ -6,7 +6,7 @@
 //! - `cli`: the real binary in a temporary folder: outputs, exact errors, exit codes.
 //! - `closed_form`: pictures and paths whose answer is known.
 //! - `corners`: rays through edges and vertices, along faces, starting on faces.
-//! - `curves`: chords, exits and logarithms against walks along the flow.
+//! - `curves`: chords, exits, logarithms and area densities against walks along the flow.
 //! - `geodesic`: errors of end points against a reference of 192 bits.
 //! - `gluing`: gluing files and Dirichlet domains.
 //! - `gltf`, `scene`: what is read, and what is refused with which words.

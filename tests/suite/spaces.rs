@@ -328,3 +328,38 @@ fn spaces_corners_at_infinity_are_caught() {
     assert!(matches!(error, CheckError::AtInfinity { .. }), "{error}");
     assert_names(&error, "of cell 0");
 }
+
+/// A copy of a named space whose pairings through two opposite faces shift by more than the faces' distance.
+fn sheared(name: &str, shifts: &[(usize, DVec3)]) -> Result<Report, CheckError> {
+    let mut space = catalogue::find(name).expect("named space");
+    for &(face, shift) in shifts {
+        let faces = &mut space.cells[0].faces;
+        let moved = DMat4::from_translation(shift) * faces[face].pairing.linear;
+        faces[face].pairing = Isometry::linear(moved);
+        faces[face ^ 1].pairing = Isometry::linear(moved.inverse());
+    }
+    check(&space)
+}
+
+/// Faces that land on parts of several others are split, with corners of parts in the middle of edges.
+#[test]
+fn spaces_sheared_gluings_are_split() {
+    let bricks = sheared("torus", &[(0, DVec3::new(0.0, 0.3, 0.0))]).expect("a wall of bricks");
+    assert_eq!((bricks.homology.as_slice(), bricks.kind), (&[0, 0, 0][..], Kind::Manifold));
+    let slanted = sheared("torus", &[(0, DVec3::new(0.0, 0.3, 0.7)), (2, DVec3::new(0.0, 0.0, 0.25))]);
+    assert_eq!(slanted.expect("a slanted lattice").homology, [0, 0, 0]);
+    // The commutator of the first two generators is still the third.
+    let nil = sheared("nil-heisenberg", &[(2, DVec3::new(0.0, 0.0, 0.5))]).expect("another lattice of Nil");
+    assert_eq!((nil.homology.as_slice(), nil.kind, nil.faces), (&[0, 0][..], Kind::Manifold, 6));
+    for report in [&bricks, &nil] {
+        assert!(report.edge_cycles.iter().all(|c| c.residual < 1e-12), "{report:?}");
+        assert!(report.euler_characteristic == 0 && (report.volume - 1.0).abs() < 1e-13);
+    }
+}
+
+/// Shears in two directions, whose cells overlap.
+#[test]
+fn spaces_shears_that_overlap_are_caught() {
+    let shears = [(0, DVec3::new(0.0, 0.3, 0.0)), (2, DVec3::new(0.3, 0.0, 0.0))];
+    assert!(sheared("torus", &shears).is_err(), "a lattice of volume 0.91 has no cell of volume 1");
+}
