@@ -12,7 +12,7 @@
 //! bends within this strip, because the chart stretches the surface unevenly along it.
 //!
 //! Face planes are vertical (no z) or horizontal (only z) in every product domain; those have closed forms. Others,
-//! which no isometry but a turn about the base point takes to planes, are found by [`first_passage`].
+//! which no isometry but a turn about the base point takes to planes, are found by `first_passage`.
 
 use super::passage::{Motion, first_passage};
 use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric};
