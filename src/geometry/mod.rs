@@ -23,9 +23,14 @@
 
 mod curved;
 pub mod e3;
+pub mod h2xr;
 pub mod h3;
 pub mod laws;
+pub mod nil;
+mod passage;
+pub mod product;
 pub(crate) mod registry;
+pub mod s2xr;
 pub mod s3;
 pub mod sl2;
 pub mod sl2_trace;

@@ -6,7 +6,7 @@
 //! the device.
 
 use crate::{
-    big::{Big, BigGeodesic, Classical, Model, distance},
+    big::{Big, BigGeodesic, Classical, Model, Nil, Product, distance},
     big_groups::{SL2, SOL, TRACE},
     support::{self, Random},
 };
@@ -118,6 +118,56 @@ fn classical_cases() -> Vec<Case> {
             for length in [d, 2.0 * d, -1.0] {
                 cases.push(Case { geometry: &Classical(-1), from, direction, length });
             }
+        }
+    }
+    cases
+}
+
+/// Scales of directions, by which nothing may change.
+const SCALES: [f64; 3] = [1.0, 1e-30, 1e25];
+
+/// Surfaces times a line: general directions, and some that are vertical or horizontal or nearly so.
+fn product_cases() -> Vec<Case> {
+    let mut random = Random(1_883);
+    let spherical: (&'static dyn Model, &[f64]) =
+        (&Product(1), &[0.0, 1.0, -1.0, 1e-9, 3.0, PI, -TAU - 1e-3, 100.0, 1000.0, -999.123]);
+    let hyperbolic: (&'static dyn Model, &[f64]) = (&Product(-1), &[0.0, 1.0, -1.0, 1e-9, 5.0, -20.0, 37.7, 50.0]);
+    let mut cases = Vec::new();
+    for (geometry, lengths) in [spherical, hyperbolic] {
+        for &length in lengths {
+            for steep in [0.0, 1e-12, 1e-6, 0.3, 1.0, 3.0, 1e6, 1e12, f64::INFINITY] {
+                let scale = SCALES[cases.len() % 3];
+                let (across, along) = if steep.is_finite() { (scale, scale * steep) } else { (0.0, -scale) };
+                let (sin, cos) = random.within(-PI, PI).sin_cos();
+                let (from, direction) = ([0.0, 0.0, 0.0, 1.0], [across * cos, across * sin, along, 0.0]);
+                cases.push(Case { geometry, from, direction, length });
+                // From elsewhere; in the surface the direction is not tangent before it is projected.
+                let from = [random.within(-0.7, 0.7), random.within(-0.7, 0.7), random.within(-9.0, 9.0), 1.2];
+                let direction = [across * cos, across * sin, along, across * 0.3];
+                cases.push(Case { geometry, from, direction, length });
+            }
+        }
+    }
+    cases
+}
+
+/// Nil, with the fibre's component of the direction from all of it to nothing.
+fn nil_cases() -> Vec<Case> {
+    let mut random = Random(1_984);
+    let mut cases = Vec::new();
+    for length in [0.0, 1e-9, 1.0, -1.0, 5.0, -20.0, TAU, 100.0, 1000.0, -1000.0] {
+        for w in [1.0, 0.9, 0.3, 0.1, 1e-2, 1e-3, 1e-5, 1e-7, 1e-9, 1e-12, 0.0] {
+            let scale = SCALES[cases.len() % 3];
+            let (sin, cos) = random.within(-PI, PI).sin_cos();
+            let c = (1.0_f64 - w * w).sqrt();
+            let direction = [c * cos * scale, c * sin * scale, if cos > 0.0 { w } else { -w } * scale, 0.0];
+            let mut case = Case { geometry: &Nil, from: [0.0; 4], direction, length };
+            cases.push(case.clone());
+            case.from = [random.within(-3.0, 3.0), random.within(-3.0, 3.0), random.within(-3.0, 3.0), 0.0];
+            cases.push(case.clone());
+            // Along an axis of the plane.
+            case.direction[..2].copy_from_slice(&[0.0, c * scale]);
+            cases.push(case);
         }
     }
     cases
@@ -281,6 +331,16 @@ fn geodesic_f64_is_within_ten_floors() {
 }
 
 #[test]
+fn geodesic_f64_is_within_ten_floors_in_products() {
+    check_f64(product_cases());
+}
+
+#[test]
+fn geodesic_f64_is_within_ten_floors_in_nil() {
+    check_f64(nil_cases());
+}
+
+#[test]
 fn geodesic_f64_is_within_ten_floors_in_sol() {
     check_f64(sol_cases());
 }
@@ -298,6 +358,16 @@ fn geodesic_f64_is_within_ten_floors_in_the_trace_form() {
 #[test]
 fn geodesic_f32_is_within_ten_floors() {
     check_f32(classical_cases(), 10.0);
+}
+
+#[test]
+fn geodesic_f32_is_within_ten_floors_in_products() {
+    check_f32(product_cases(), 10.0);
+}
+
+#[test]
+fn geodesic_f32_is_within_ten_floors_in_nil() {
+    check_f32(nil_cases(), 10.0);
 }
 
 #[test]
@@ -319,9 +389,34 @@ fn geodesic_f32_is_within_ten_floors_in_the_trace_form() {
 #[test]
 fn geodesic_spoiled_result_is_caught() {
     check_spoiled(classical_cases(), 11);
+    // The first of length 1, from the base point, of each curvature.
+    check_spoiled(product_cases(), 18);
+    check_spoiled(product_cases(), 198);
+    check_spoiled(nil_cases(), 66);
     check_spoiled(sol_cases(), 2);
     check_spoiled(sl2_cases(), 2);
     check_spoiled(trace_cases(), 2);
+}
+
+#[test]
+fn geodesic_out_of_range_is_an_error() {
+    let case = |geometry: &str, n: usize, direction: [f64; 4], length: f64| {
+        let from = [0.0, 0.0, 0.0, 1.0];
+        json!({ "geometry": geometry, "from": from[..n], "direction": direction[..n], "length": length })
+    };
+    let lines = [
+        case("h2xr", 4, [1.0, 0.0, 0.5, 0.0], 1000.0),
+        case("h2xr", 4, [0.0, 0.0, 0.0, 0.0], 1.0),
+        case("s2xr", 4, [0.0, 0.0, 0.0, 1.0], 1.0),
+        case("nil", 3, [1.0, 1.0, 0.0, 0.0], 1e200),
+        case("nil", 3, [0.0, 0.0, 0.0, 0.0], 0.0),
+    ];
+    for (line, result) in lines.iter().zip(support::run_batch(&["geodesic"], &lines)) {
+        assert!(result["error"].is_string(), "{line}: {result}");
+    }
+    // Vertical geodesics go as far as numbers do.
+    let far = support::run_batch(&["geodesic"], &[case("h2xr", 4, [0.0, 0.0, 2.0, 0.0], 1e9)]);
+    assert_eq!(far[0]["point"], json!([0.0, 0.0, 1e9, 1.0]));
 }
 
 /// What the program says to one case.

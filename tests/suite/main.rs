@@ -7,6 +7,7 @@
 //! - `closed_form`: pictures and paths whose answer is known.
 //! - `curved`: chords, exits, nearest points, logarithms and series of the geometries with curved geodesics.
 //! - `corners`: rays through edges and vertices, along faces, starting on faces.
+//! - `curves`: chords, exits, logarithms and area densities against walks along the flow.
 //! - `geodesic`: errors of end points against a reference of 192 bits.
 //! - `gluing`: gluing files and Dirichlet domains.
 //! - `gltf`, `scene`: what is read, and what is refused with which words.
@@ -31,6 +32,7 @@ mod cli;
 mod closed_form;
 mod corners;
 mod curved;
+mod curves;
 mod geodesic;
 mod gltf;
 mod gluing;

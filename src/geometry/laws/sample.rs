@@ -14,7 +14,7 @@ pub struct Sample {
     pub length: f64,
     /// Lengths in [−2, 2].
     pub any_lengths: [f64; 2],
-    /// A unit vector of the chart's space.
+    /// A unit vector of the chart's space; along its axes or across the third in some samples.
     pub conormal: DVec3,
     /// Isometries.
     pub isometries: [Isometry; 2],
@@ -38,7 +38,11 @@ pub fn samples<G: Geometry>(geometry: G, seed: u64, count: usize, isometries: &[
             vectors: [0, 1].map(|_| vector(p, random.direction() * (2.0 * random.unit()))),
             length: if i % 8 == 3 { 1e-6 } else { 0.6 * random.unit().max(1e-3) },
             any_lengths: within_chart(geometry, start, [0, 1].map(|_| 4.0 * random.unit() - 2.0)),
-            conormal: random.direction(),
+            conormal: match i % 16 {
+                5 => DVec3::AXES[(i / 16) % 3],
+                13 => random.direction().with_z(0.0).normalize_or(DVec3::X),
+                _ => random.direction(),
+            },
             isometries: [0, 1].map(|_| {
                 let index = random.below(isometries.len() + 1);
                 isometries.get(index).copied().unwrap_or(Isometry::IDENTITY)
