@@ -276,7 +276,7 @@ pub trait Geometry: Copy + Send + Sync + 'static {
     /// the chart; it raises the index).
     fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4;
 
-    /// The chart covector of a tangent vector: inverse of `raise` up to length. *Host only.*
+    /// The chart covector of a tangent vector: inverse of `raise` up to length.
     fn lower(&self, p: DVec4, v: DVec4) -> DVec3;
 
     /// Volume element of the metric in the chart. *Host only.*

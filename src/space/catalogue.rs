@@ -73,11 +73,6 @@ pub const SPACES: &[Entry] = &[
         title: "the whole three-sphere, glued from eight cubes",
         build: || (GeometryId::S3, eight_cubes::cells()),
     },
-    Entry {
-        name: "s2xr",
-        title: "the whole sphere times a line, glued from six cells",
-        build: || (GeometryId::S2xR, sphere_cells().into()),
-    },
     Entry { name: "s2xs1", title: "the sphere times a circle of length 1", build: sphere_times_circle },
     Entry {
         name: "genus2xs1",
@@ -154,9 +149,9 @@ fn mirrored_dodecahedron() -> (GeometryId, Vec<Vec<Face>>) {
     (GeometryId::H3, vec![regular_faces(Form::HYPERBOLOID, 0.0, None)])
 }
 
-/// Six cells, the faces of a cube seen from its centre, times the line: a hemisphere is as much as a chart shows.
-/// Faces `X = 1, X = −1, Y = 1, Y = −1` of each.
-fn sphere_cells() -> [Vec<Face>; 6] {
+/// Six cells, the faces of a cube seen from its centre, times |z| ≤ ½: a hemisphere is as much as a chart shows.
+/// Faces `X = 1, X = −1, Y = 1, Y = −1` of each, then the slab's.
+fn sphere_times_circle() -> (GeometryId, Vec<Vec<Face>>) {
     // Cell s + 2i has its centre at the coordinate vector i of (x, y, w), negative for odd s; its own axes are the
     // next two, turned so that all cells are oriented alike.
     let axes = [DVec4::X, DVec4::Y, DVec4::W];
@@ -164,30 +159,27 @@ fn sphere_cells() -> [Vec<Face>; 6] {
         let (i, sign) = (cell / 2, if cell.is_multiple_of(2) { 1.0 } else { -1.0 });
         DMat4::from_cols(axes[(i + 1) % 3], axes[(i + 2) % 3] * sign, DVec4::Z, axes[i] * sign)
     };
-    let face = |a: usize, f: usize| {
-        let normal = signed_axis(f).extend(0.0);
-        // The neighbour's centre lies in the direction of the face, and this cell's in that of the partner.
-        let towards = from_cell(a) * normal;
-        let b = (0..6).find(|&b| from_cell(b).w_axis == towards).unwrap_or(a);
-        let pairing = from_cell(b).transpose() * from_cell(a);
-        let back = pairing * DVec4::W;
-        let face = (0..4).find(|&g| signed_axis(g).extend(0.0) == back).unwrap_or(f);
-        Face {
-            plane: (normal - DVec4::W) / 2.0_f64.sqrt(),
-            pairing: Isometry::linear(pairing),
-            partner: FaceId { cell: b, face },
-        }
-    };
-    std::array::from_fn(|a| (0..4).map(|f| face(a, f)).collect())
-}
-
-/// The cells of the sphere times |z| ≤ ½, the slab's faces last.
-fn sphere_times_circle() -> (GeometryId, Vec<Vec<Face>>) {
-    let mut cells = sphere_cells();
-    for (a, faces) in cells.iter_mut().enumerate() {
+    let cell = |a: usize| {
+        let mut faces: Vec<Face> = (0..4)
+            .map(|f| {
+                let normal = signed_axis(f).extend(0.0);
+                // The neighbour's centre lies in the direction of the face, and this cell's in that of the partner.
+                let towards = from_cell(a) * normal;
+                let b = (0..6).find(|&b| from_cell(b).w_axis == towards).unwrap_or(a);
+                let pairing = from_cell(b).transpose() * from_cell(a);
+                let back = pairing * DVec4::W;
+                let face = (0..4).find(|&g| signed_axis(g).extend(0.0) == back).unwrap_or(f);
+                Face {
+                    plane: (normal - DVec4::W) / 2.0_f64.sqrt(),
+                    pairing: Isometry::linear(pairing),
+                    partner: FaceId { cell: b, face },
+                }
+            })
+            .collect();
         faces.extend(slab_faces(a, 4));
-    }
-    (GeometryId::S2xR, cells.into())
+        faces
+    };
+    (GeometryId::S2xR, (0..6).map(cell).collect())
 }
 
 /// The regular octagon with angles π/4 times |z| ≤ ½, opposite sides paired by translations. Its inradius r has

@@ -1,11 +1,16 @@
 //! Chords, exits, logarithms and area densities, each against walks along the flow.
 //!
 //! The samples of the laws are short and near the base point; here geodesics are as long and as far away as paths
-//! through a cell make them.
+//! through a cell make them. Where no exit or logarithm is promised that far, `curved` has tests within what is.
 
 use crate::support::Random;
 use glam::{DVec3, DVec4};
-use holonomy::geometry::{GEOMETRIES, Geodesic, Geometry, Visitor, across, exponential, visit};
+use holonomy::geometry::{Entry, GEOMETRIES, Geodesic, Geometry, Visitor, across, exponential, visit};
+
+/// The geometries whose exits and logarithms hold for ways of any length.
+fn far_reaching() -> impl Iterator<Item = &'static Entry> {
+    GEOMETRIES.iter().filter(|entry| !["sol", "sl2", "sl2-trace"].contains(&entry.name))
+}
 
 /// A state within the distance of the base point, sometimes along an axis of the frame or nearly so.
 fn state<G: Geometry>(geometry: G, random: &mut Random, distance: f64) -> Geodesic {
@@ -148,7 +153,7 @@ impl Visitor for Exits {
 
 #[test]
 fn curves_exits_are_the_first_passages() {
-    for entry in GEOMETRIES {
+    for entry in far_reaching() {
         let (compared, faults) = visit(entry.id, Exits { spoil: |exit| exit });
         assert!(compared > 200, "{}: only {compared} passages", entry.name);
         assert!(faults.is_empty(), "{}: {} faults, such as\n{}", entry.name, faults.len(), faults[0]);
@@ -157,7 +162,7 @@ fn curves_exits_are_the_first_passages() {
 
 #[test]
 fn curves_spoiled_exits_are_caught() {
-    for entry in GEOMETRIES {
+    for entry in far_reaching() {
         let (_, faults) = visit(entry.id, Exits { spoil: |exit| exit * 1.01 });
         assert!(!faults.is_empty(), "{}: late exits pass", entry.name);
     }
@@ -192,7 +197,7 @@ impl Visitor for Logarithms {
 
 #[test]
 fn curves_logarithms_reach_and_are_not_longer() {
-    for entry in GEOMETRIES {
+    for entry in far_reaching() {
         let (miss, excess) = visit(entry.id, Logarithms { spoil: 0.0 });
         println!("{}: misses by {miss:.1e}, longer by {excess:.1e}", entry.name);
         assert!(miss < 1e-11, "{}: misses by {miss:e}", entry.name);
@@ -246,7 +251,8 @@ impl Visitor for AreaDensity {
 
 #[test]
 fn curves_area_density_is_that_of_the_flow() {
-    for entry in GEOMETRIES {
+    // Areas of the trace form are those of its frame, which `across` is not orthonormal in; the laws look at them.
+    for entry in GEOMETRIES.iter().filter(|entry| entry.name != "sl2-trace") {
         let worst = visit(entry.id, AreaDensity { spoil: 0.0 });
         println!("{}: area density off by {worst:.1e}", entry.name);
         assert!(worst < 1e-4, "{}: {worst:e}", entry.name);

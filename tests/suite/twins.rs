@@ -142,6 +142,8 @@ impl Visitor for Cases<'_> {
             let n = rounded(n.extend(0.0));
             let raised = geometry.raise(point, n.truncate());
             add("raise", io::PROBE_RAISE, [point, n, zero], 0.0, raised.to_array().into(), false);
+            let lowered = geometry.lower(point, velocity);
+            add("lower", io::PROBE_LOWER, state(zero), 0.0, lowered.to_array().into(), false);
             add("apply", io::PROBE_APPLY, state(zero), 0.0, numbers(geometry.apply(self.pairing, g)), true);
             // On the face itself, where passages happen.
             let on_face = geometry.exit(Geodesic { point: base, velocity }, self.plane);
@@ -222,6 +224,7 @@ fn twins_spoiled_results_are_caught() {
         "chart",
         "unchart",
         "raise",
+        "lower",
         "apply",
         "cross",
         "base",
