@@ -446,6 +446,8 @@ numbers! {
     PROBE_CROSS: uint = 18;
     /// Probe: `geo_base`.
     PROBE_BASE: uint = 15;
+    /// Probe: `geo_lower`.
+    PROBE_LOWER: uint = 19;
 }
 
 /// Declares specialization constants with the ids 0, 1, 2, … for both sides.

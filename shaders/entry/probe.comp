@@ -33,6 +33,7 @@ void main() {
     case IO_PROBE_CLOSENESS: r.point.x = geo_closeness(q.a, q.b); break;
     case IO_PROBE_CROSS: r = geo_cross(Isometry(mat4(io_faces[0].linear), io_faces[0].shift), q.c, g); break;
     case IO_PROBE_BASE: r.point = geo_base(); break;
+    case IO_PROBE_LOWER: r.point.xyz = geo_lower(q.a, q.b); break;
     }
     io_probe_out[i] = ProbeOut(r.point, r.velocity);
 }

@@ -124,4 +124,61 @@ float m_tanh(float x) {
     return x < 0.0 ? -y : y;
 }
 
+// The entire functions (cosh sqrt z, sinh sqrt z / sqrt z); cos and sin for negative z. Twins: src/geometry/curved.rs.
+vec2 m_cosh_sinhc(float z) {
+    float root = sqrt(abs(z));
+    if (root < 0.5) {
+        return vec2(
+            1.0 + z * (0.5 + z * (4.16666667e-2 + z * (1.38888889e-3 + z * 2.48015873e-5))),
+            1.0 + z * (1.66666667e-1 + z * (8.33333333e-3 + z * (1.98412698e-4 + z * 2.75573192e-6))));
+    }
+    vec2 sc = z > 0.0 ? m_sinhcosh(root) : m_sincos(root);
+    return vec2(sc.y, sc.x / root);
+}
+
+// ((cosh sqrt z - 1) / z, (sinh sqrt z - sqrt z) / sqrt z^3).
+vec2 m_integrals(float z) {
+    float half_sinhc = m_cosh_sinhc(0.25 * z).y;
+    float third = abs(z) < 1.0
+        ? 1.66666667e-1 * (1.0 + z * (0.05 + z * (1.19047619e-3 + z * (1.65343915e-5 + z * (1.50312650e-7 + z * 9.63542e-10)))))
+        : (m_cosh_sinhc(z).y - 1.0) / z;
+    return vec2(0.5 * half_sinhc * half_sinhc, third);
+}
+
+// t >= 0 with tanh(sqrt(q) t) / sqrt(q) = numerator / denominator, numerator >= 0; tan for negative q, where a negative
+// ratio is met behind the quarter turn. Infinite where there is none.
+float m_artanh_over(float q, float numerator, float denominator) {
+    float root = sqrt(abs(q));
+    if (q < 0.0 && !(root * numerator < 0.1 * denominator)) return m_atan(root * numerator, denominator) / root;
+    if (!(denominator > 0.0 && (q <= 0.0 || root * numerator < denominator))) return M_INFINITY;
+    float ratio = numerator / denominator;
+    float z = q * ratio * ratio;
+    if (abs(z) < 0.04) {
+        return ratio * (1.0 + z * (3.33333333e-1 + z * (0.2 + z * (1.42857143e-1 + z * 1.11111111e-1))));
+    }
+    return m_atanh(root * ratio) / root;
+}
+
+// First t >= 0 at which (start + 2 rate s + bend s^2) / (1 - q s^2), s = tanh(sqrt(q) t / 2) / sqrt(q), passes from
+// negative to positive.
+float m_first_passage(float q, float start, float rate, float bend, float along) {
+    start = min(start, 0.0);
+    float discriminant = rate * rate - bend * start;
+    if (discriminant < 0.0) return M_INFINITY;
+    float root = sqrt(discriminant);
+    return 2.0 * (rate > along ? m_artanh_over(q, -start, rate + root) : m_artanh_over(q, root - rate, bend));
+}
+
+// Steps of full care towards a first zero, and the shortest step from then on: see `first_zero` in the twin.
+const int M_PATIENCE = 40;
+const float M_STRIDE = 4e-3;
+
+// Step towards the first zero of a function that is negative, with this value and derivative and second derivatives
+// up to `bend`: no zero is stepped over.
+float m_safe_step(float value, float rate, float bend) {
+    bend = max(bend, 1e-30);
+    float root = sqrt(rate * rate - 2.0 * bend * value);
+    return rate > 0.0 ? -2.0 * value / (rate + root) : (root - rate) / bend;
+}
+
 #endif

@@ -45,7 +45,8 @@ pub(super) fn run(args: &GeodesicArgs) -> Outcome {
     let text = if args.json {
         end_json(id, end).to_string()
     } else {
-        format!("point     {}\ndirection {}", shown(id, end.point), shown(id, end.velocity))
+        let (point, direction) = (point_numbers(id, end.point), direction_numbers(id, end.velocity));
+        format!("point     {}\ndirection {}", shown(&point), shown(&direction))
     };
     print_line(&mut stdout().lock(), &text).map(|_| ())
 }
@@ -72,30 +73,40 @@ pub(super) fn start_from_numbers(id: GeometryId, from: &[f64], direction: &[f64]
             settle_geodesic(geometry, self.0, self.1, self.2)
         }
     }
-    let count = id.components();
-    let vector = |what: &str, given: &[f64]| {
+    let vector = |what: &str, count: usize, given: &[f64]| {
         if given.len() == count {
             Ok(DVec4::from_array(std::array::from_fn(|i| given.get(i).copied().unwrap_or(0.0))))
         } else {
             Err(format!("{what} needs {count} numbers in {}, found {}", id.name(), given.len()))
         }
     };
-    let settle = Settle(id.name(), vector("from", from)?, vector("direction", direction)?);
+    let from = vector("from", id.components(), from)?;
+    let direction = vector("direction", id.direction_components(), direction)?;
+    let settle = Settle(id.name(), from, direction);
     visit(id, settle).map_err(|error| error.to_string())
 }
 
-/// The user's components of a point or vector.
-pub(super) fn components(id: GeometryId, v: DVec4) -> Vec<f64> {
-    // Adding zero turns -0 into 0.
-    v.to_array()[..id.components()].iter().map(|x| x + 0.0).collect()
+/// The user's components of a point.
+pub(super) fn point_numbers(id: GeometryId, point: DVec4) -> Vec<f64> {
+    numbers(point, id.components())
 }
 
-fn shown(id: GeometryId, v: DVec4) -> String {
-    components(id, v).iter().map(|x| x.to_string()).collect::<Vec<_>>().join(" ")
+/// The user's components of a tangent vector.
+pub(super) fn direction_numbers(id: GeometryId, vector: DVec4) -> Vec<f64> {
+    numbers(vector, id.direction_components())
+}
+
+fn numbers(v: DVec4, count: usize) -> Vec<f64> {
+    // Adding zero turns -0 into 0.
+    v.to_array()[..count].iter().map(|x| x + 0.0).collect()
+}
+
+fn shown(numbers: &[f64]) -> String {
+    numbers.iter().map(|x| x.to_string()).collect::<Vec<_>>().join(" ")
 }
 
 fn end_json(id: GeometryId, end: Geodesic) -> Value {
-    json!({ "point": components(id, end.point), "direction": components(id, end.velocity) })
+    json!({ "point": point_numbers(id, end.point), "direction": direction_numbers(id, end.velocity) })
 }
 
 /// Computes ends of geodesics on the cpu or the device.
@@ -149,12 +160,24 @@ fn flow_on_cpu(job: Job) -> Result<(GeometryId, Geodesic), String> {
     in_range(job, visit(job.geometry, Flow(job)), "f64")
 }
 
+/// What a geodesic runs into that leaves the chart.
+fn edge(job: Job) -> Option<&'static str> {
+    struct Edge(Job);
+    impl Visitor for Edge {
+        type Output = Option<&'static str>;
+        fn visit<G: Geometry>(self, geometry: G) -> Self::Output {
+            geometry.edge(self.0.start, self.0.length)
+        }
+    }
+    visit(job.geometry, Edge(job))
+}
+
 fn in_range(job: Job, end: Geodesic, precision: &'static str) -> Result<(GeometryId, Geodesic), String> {
-    if end.point.is_finite() && end.velocity.is_finite() {
-        Ok((job.geometry, end))
-    } else {
-        let error = GeometryError::OutOfRange { length: job.length, precision, geometry: job.geometry.name() };
-        Err(error.to_string())
+    let (length, geometry) = (job.length, job.geometry.name());
+    match edge(job) {
+        Some(edge) => Err(GeometryError::Edge { length, edge, geometry }.to_string()),
+        None if end.point.is_finite() && end.velocity.is_finite() => Ok((job.geometry, end)),
+        None => Err(GeometryError::OutOfRange { length, precision, geometry }.to_string()),
     }
 }
 

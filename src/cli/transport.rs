@@ -3,7 +3,7 @@
 use super::{
     Failure, Outcome, TransportArgs,
     batch::{self, Case},
-    geodesic::{components, start_from_numbers},
+    geodesic::{direction_numbers, point_numbers, start_from_numbers},
     print_line,
 };
 use crate::{
@@ -84,8 +84,8 @@ fn follow(
     let arrival = visit(id, Follow(domain, cell, start, length))?;
     let faces: Vec<usize> = arrival.faces.iter().map(|face| domain.faces[*face].id.face).collect();
     Ok(json!({
-        "point": components(id, arrival.state.point),
-        "direction": components(id, arrival.state.velocity),
+        "point": point_numbers(id, arrival.state.point),
+        "direction": direction_numbers(id, arrival.state.velocity),
         "faces": faces,
         "cell": arrival.cell,
     }))
@@ -120,12 +120,12 @@ fn follow_pixel(mut scene: Scene, args: &TransportArgs, pixel: [u32; 2]) -> Resu
                 events.push(json!({
                     "kind": "face",
                     "length": path.travelled,
-                    "point": components(id, before.point),
+                    "point": point_numbers(id, before.point),
                     "cell": face.id.cell,
                     "face": face.id.face,
                 }));
             });
-            let point = components(id, path.state.point);
+            let point = point_numbers(id, path.state.point);
             events.push(match surface.filter(|_| path.status == Status::Hit) {
                 Some(surface) => json!({
                     "kind": "hit",
@@ -134,13 +134,13 @@ fn follow_pixel(mut scene: Scene, args: &TransportArgs, pixel: [u32; 2]) -> Resu
                     "cell": path.cell,
                     "object": surface.object,
                     "name": scene.objects[surface.object as usize].name,
-                    "normal": components(id, surface.normal),
+                    "normal": direction_numbers(id, surface.normal),
                 }),
                 None => json!({ "kind": "limit", "length": path.travelled, "point": point, "cell": path.cell }),
             });
             json!({
-                "from": components(id, start.point),
-                "direction": components(id, start.velocity),
+                "from": point_numbers(id, start.point),
+                "direction": direction_numbers(id, start.velocity),
                 "events": events,
             })
         }

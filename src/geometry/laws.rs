@@ -47,6 +47,7 @@ pub fn laws<G: Geometry>() -> Vec<Law<G>> {
         law("flow reverses", EXACT, flow_reverses),
         law("flow has unit speed", EXACT, flow_has_unit_speed),
         law("transport keeps inner and carries the velocity", EXACT, transport_keeps_inner),
+        law("transport is that of the connection", 1e-5, transport_is_parallel),
         law("log inverts flow", 1e-11, log_inverts_flow),
         law("closeness decreases with the distance", EXACT, closeness_decreases),
         law("area density is that of the flow", DIFFERENCE, area_density_is_of_the_flow),
@@ -116,6 +117,22 @@ fn gram<G: Geometry>(geometry: G, p: DVec4, a: [DVec4; 3], b: [DVec4; 3]) -> DMa
     DMat3::from_cols_array_2d(&b.map(|y| a.map(|x| geometry.inner(p, x, y))))
 }
 
+/// Components in the frame. Their Euclidean product is the metric, or, where that is indefinite, the positive product
+/// whose length is the norm.
+fn framed<G: Geometry>(geometry: G, p: DVec4, v: DVec4) -> DVec3 {
+    DVec3::from_array(geometry.frame(p).map(|axis| geometry.inner(p, axis, v))) * geometry.signature()
+}
+
+/// Two vectors that complete the velocity to an orthonormal frame in that product.
+fn beside<G: Geometry>(geometry: G, g: Geodesic) -> [DVec4; 2] {
+    if geometry.signature() == DVec3::ONE {
+        return across(geometry, g);
+    }
+    let axes = geometry.frame(g.point);
+    let (a, b) = framed(geometry, g.point, g.velocity).normalize().any_orthonormal_pair();
+    [a, b].map(|c| axes[0] * c.x + axes[1] * c.y + axes[2] * c.z)
+}
+
 fn reversed(g: Geodesic) -> Geodesic {
     Geodesic { point: g.point, velocity: -g.velocity }
 }
@@ -127,22 +144,27 @@ fn settles<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let point = geometry.settle(p).map_or(f64::NAN, |q| gap4(p, q));
     let tangent = s.vectors.map(|v| gap4(v, geometry.settle_tangent(p, v)));
     let base = geometry.settle(geometry.base()).map_or(f64::NAN, |q| gap4(geometry.base(), q));
-    worst([point, tangent[0], tangent[1], base])
+    let origin = geometry.chart(geometry.base()).length();
+    worst([point, tangent[0], tangent[1], base, origin])
 }
 
 fn norm_agrees<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let p = s.start.point;
     let [u, v] = s.vectors;
     let symmetric = gap(geometry.inner(p, u, v), geometry.inner(p, v, u));
-    worse(gap(geometry.norm(p, u).powi(2), geometry.inner(p, u, u)), symmetric)
+    // Both are sums of squares of the components in the frame, the metric with its signs.
+    let components = framed(geometry, p, u);
+    let metric = gap((components * components).dot(geometry.signature()), geometry.inner(p, u, u));
+    worst([gap(geometry.norm(p, u).powi(2), components.length_squared()), metric, symmetric])
 }
 
 fn frame_is_orthonormal<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let p = s.start.point;
     let frame = geometry.frame(p);
-    let difference = gram(geometry, p, frame, frame) - DMat3::IDENTITY;
+    let signs = geometry.signature();
+    let difference = gram(geometry, p, frame, frame) - DMat3::from_diagonal(signs);
     let orthonormal = worst(difference.to_cols_array().map(f64::abs));
-    let positive = gram(geometry, p, frame, chart_frame(geometry, p)).determinant() > 0.0;
+    let positive = gram(geometry, p, frame, chart_frame(geometry, p)).determinant() * signs.element_product() > 0.0;
     worse(orthonormal, promise(positive))
 }
 
@@ -211,6 +233,29 @@ fn transport_keeps_inner<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     worst([inner, velocity, tangent])
 }
 
+/// The pole ladder (Lorenzi, Pennec: Efficient parallel transport of deformations in time series of images, 2014): the
+/// tip of a short vector, mirrored in the middle of each rung, is the tip of the opposite of the parallel vector. The
+/// errors of a vector and of its opposite cancel to first order.
+fn transport_is_parallel<G: Geometry>(geometry: G, s: &Sample) -> f64 {
+    const RUNGS: u32 = 3;
+    const SHORT: f64 = 0.005;
+    let length = 0.1 * s.length;
+    let rung = length / f64::from(RUNGS);
+    let (mut at, mut vector) = (s.start, s.vectors[0]);
+    for _ in 0..RUNGS {
+        let middle = geometry.flow(at, 0.5 * rung).point;
+        let next = geometry.flow(at, rung);
+        let [back, forth] = [SHORT, -SHORT].map(|scale| {
+            let (velocity, length) = geometry.log(middle, exponential(geometry, at.point, vector * scale));
+            let mirrored = geometry.flow(Geodesic { point: middle, velocity: -velocity }, length).point;
+            let (velocity, length) = geometry.log(next.point, mirrored);
+            velocity * length
+        });
+        (at, vector) = (next, (forth - back) / (2.0 * SHORT));
+    }
+    gap4(geometry.transport(s.start, length, s.vectors[0]), vector)
+}
+
 fn log_inverts_flow<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let end = geometry.flow(s.start, s.length);
     let (direction, length) = geometry.log(s.start.point, end.point);
@@ -224,7 +269,7 @@ fn log_inverts_flow<G: Geometry>(geometry: G, s: &Sample) -> f64 {
 fn area_density_is_of_the_flow<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let t = s.length.max(0.05);
     let end = geometry.flow(s.start, t);
-    let field = across(geometry, s.start).map(|e| {
+    let field = beside(geometry, s.start).map(|e| {
         let near = |angle: f64| {
             let velocity = s.start.velocity * angle.cos() + e * angle.sin();
             let (direction, length) =
@@ -233,8 +278,8 @@ fn area_density_is_of_the_flow<G: Geometry>(geometry: G, s: &Sample) -> f64 {
         };
         (near(STEP) - near(-STEP)) / (2.0 * STEP)
     });
-    let inner = |i: usize, j: usize| geometry.inner(end.point, field[i], field[j]);
-    let area = (inner(0, 0) * inner(1, 1) - inner(0, 1).powi(2)).max(0.0).sqrt();
+    let [a, b] = field.map(|v| framed(geometry, end.point, v));
+    let area = a.cross(b).length();
     gap(geometry.area_density(s.start, t), area)
 }
 
@@ -304,11 +349,13 @@ fn closeness_decreases<G: Geometry>(geometry: G, s: &Sample) -> f64 {
 
 /// A state on a plane, taken through it by the folded pairing and by the pairing itself.
 fn cross_is_the_pairing<G: Geometry>(geometry: G, s: &Sample) -> f64 {
-    // The bisector of the base point and a point farther than the state: planes of domains are such.
+    // The bisector of the base point and a point farther than the state: planes of domains are such. Any plane is one
+    // where bisectors are no planes.
     let base = geometry.base();
     let frame = geometry.frame(base);
     let away = frame[0] * s.conormal.x + frame[1] * s.conormal.y + frame[2] * s.conormal.z;
-    let Some(plane) = geometry.bisector(exponential(geometry, base, away * (s.length + 0.1))) else { return 0.0 };
+    let bisector = geometry.bisector(exponential(geometry, base, away * (s.length + 0.1)));
+    let plane = bisector.unwrap_or(s.conormal.extend(-s.length));
     let pairing = &s.isometries[0];
     let crossed = geometry.cross(&geometry.fold(plane, pairing), plane, s.start);
     gap_geodesic(geometry.apply(pairing, s.start), crossed)
@@ -354,7 +401,9 @@ fn restore_repairs<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let repaired = geometry.restore(Geodesic { point, velocity });
     let on_model = geometry.settle(repaired.point).map_or(f64::NAN, |q| gap4(repaired.point, q));
     let tangent = gap4(repaired.velocity, geometry.settle_tangent(repaired.point, repaired.velocity));
-    let unit = gap(1.0, geometry.norm(repaired.point, repaired.velocity));
+    // Where the metric is indefinite, velocities keep their length.
+    let definite = geometry.signature() == DVec3::ONE;
+    let unit = if definite { gap(1.0, geometry.norm(repaired.point, repaired.velocity)) } else { 0.0 };
     let near = (gap_geodesic(repaired, s.start) - 1e-7).max(0.0);
     let again = gap_geodesic(repaired, geometry.restore(repaired));
     worst([on_model, tangent, unit, near, again, gap_geodesic(s.start, geometry.restore(s.start))])

@@ -21,11 +21,20 @@
 //! before it leaves the curve by more than a tolerance. Where geodesics are straight in the chart the answer
 //! is "all the way"; elsewhere the path is walked in several chords, and each is one segment for traversal.
 
+mod curved;
 pub mod e3;
+pub mod h2xr;
 pub mod h3;
 pub mod laws;
+pub mod nil;
+mod passage;
+pub mod product;
 pub(crate) mod registry;
+pub mod s2xr;
 pub mod s3;
+pub mod sl2;
+pub mod sl2_trace;
+pub mod sol;
 
 use glam::{DAffine3, DMat4, DVec3, DVec4, Vec4Swizzles};
 use registry::geometries;
@@ -124,6 +133,16 @@ pub enum GeometryError {
     /// The tangent part of the given direction is zero or not finite.
     #[error("direction {0} has no tangent part at the point: it must be finite and not zero")]
     NoDirection(String),
+    /// The geodesic leaves the chart.
+    #[error("the geodesic of length {length} reaches {edge} of {geometry}")]
+    Edge {
+        /// The length asked for.
+        length: f64,
+        /// What it runs into.
+        edge: &'static str,
+        /// The geometry's name.
+        geometry: &'static str,
+    },
     /// The result does not fit into the numbers used.
     #[error("the end point after length {length} leaves the range of {precision} in {geometry}")]
     OutOfRange {
@@ -150,7 +169,12 @@ pub trait Geometry: Copy + Send + Sync + 'static {
     /// How many numbers the command line, scenes and reports use for a point or a vector: 3 or 4. *Host only.*
     fn components(&self) -> usize;
 
-    /// The base point: centre of Dirichlet domains, default position of observers.
+    /// How many numbers they use for a direction. *Host only.*
+    fn direction_components(&self) -> usize {
+        self.components()
+    }
+
+    /// The base point, at the origin of the chart: centre of Dirichlet domains, default position of observers.
     fn base(&self) -> DVec4;
 
     /// Puts a point given by the user on the model, or `None` if it has no place there. *Host only.*
@@ -163,17 +187,29 @@ pub trait Geometry: Copy + Send + Sync + 'static {
     /// The metric.
     fn inner(&self, p: DVec4, u: DVec4, v: DVec4) -> f64;
 
-    /// Length of a tangent vector, without the cancellation that `inner` suffers far from the base point.
-    /// *Host only.*
+    /// Length of a tangent vector, without the cancellation that `inner` suffers far from the base point. Where the
+    /// metric is indefinite: the positive length in which [`frame`](Geometry::frame) is orthonormal. *Host only.*
     fn norm(&self, p: DVec4, v: DVec4) -> f64;
 
     /// An orthonormal frame at `p`, positively oriented in the chart, smooth in `p`. *Host only.*
     fn frame(&self, p: DVec4) -> [DVec4; 3];
 
+    /// The metric in the frame, which is diagonal: ones, unless the metric is indefinite. Then velocities are not
+    /// normalised, and lengths along geodesics are affine parameters. *Host only.*
+    fn signature(&self) -> DVec3 {
+        DVec3::ONE
+    }
+
     // --- geodesics ----------------------------------------------------------------------------------
 
     /// The geodesic flow by arc length `t` (any sign). Exact up to rounding.
     fn flow(&self, g: Geodesic, t: f64) -> Geodesic;
+
+    /// What the geodesic `g` runs into within length `t` (any sign), where the chart does not hold all of it: its
+    /// flow is infinite from there on. *Host only.*
+    fn edge(&self, _g: Geodesic, _t: f64) -> Option<&'static str> {
+        None
+    }
 
     /// Unit initial velocity and length of the shortest geodesic from `p` to `q`. At `q = p` the length is 0
     /// and the velocity some unit vector; at a conjugate point the length is right and the velocity one of many.
@@ -392,10 +428,22 @@ impl GeometryId {
         }
         visit(self, Components)
     }
+
+    /// How many numbers a direction has for the user.
+    pub fn direction_components(self) -> usize {
+        struct Components;
+        impl Visitor for Components {
+            type Output = usize;
+            fn visit<G: Geometry>(self, geometry: G) -> usize {
+                geometry.direction_components()
+            }
+        }
+        visit(self, Components)
+    }
 }
 
 /// Point and unit direction from the user's numbers: the point is put on the model, the direction made tangent
-/// and normalised whatever its scale.
+/// and normalised whatever its scale; where the metric is indefinite it keeps its length.
 ///
 /// # Errors
 /// [`GeometryError::NotAPoint`] or [`GeometryError::NoDirection`] with the offending numbers.
@@ -414,6 +462,9 @@ pub fn settle_geodesic<G: Geometry>(
     let scale = direction.abs().max_element();
     if !(direction.is_finite() && scale > 0.0) {
         return Err(no_direction());
+    }
+    if geometry.signature() != DVec3::ONE {
+        return Ok(Geodesic { point: p, velocity: geometry.settle_tangent(p, direction) });
     }
     let v = geometry.settle_tangent(p, direction / scale);
     let norm = geometry.norm(p, v);

@@ -6,15 +6,16 @@
 //! The cells are compact, so the quotient is complete. From the same incidences come the vertex links, the Euler
 //! characteristic and the first homology; the volume is a quadrature of the metric's density.
 //!
-//! Gluings here are face to face. Where a face is glued to several others, as in the usual domains of the
-//! geometries with sheared lattices, only `faces::pairings` applies, and faces must be split along the images
-//! of edges before `faces::corner_images` and `cycles` have a meaning.
+//! All this is about gluings that are face to face. Where a face is glued to parts of several others, as in the usual
+//! domains of the geometries with sheared lattices, faces are split along the images of edges first (`split`), each
+//! part with the product of pairings that takes it to where it belongs; the parts are then face to face.
 
 mod cycles;
 mod error;
 mod faces;
 mod homology;
 mod links;
+mod split;
 mod volume;
 
 use super::polyhedron::Polyhedron;
@@ -52,9 +53,9 @@ pub struct Report {
     pub name: String,
     /// Number of cells.
     pub cells: usize,
-    /// Number of edges of all cells, before gluing.
+    /// Number of edges of all cells, before gluing; where faces had to be split, with the edges between the parts.
     pub edges: usize,
-    /// Number of corners of all cells, before gluing.
+    /// Number of corners of all cells, before gluing and after splitting.
     pub vertices: usize,
     /// Whether the cells can be oriented so that all pairings keep the orientation.
     pub orientable: bool,
@@ -121,8 +122,20 @@ struct Glued<'a, G> {
 
 fn check_in<G: Geometry>(geometry: G, space: &Space) -> Result<Report, CheckError> {
     let shapes = faces::shapes(geometry, space)?;
+    let faces = space.faces().count();
     let residual = faces::pairings(geometry, space)?;
-    let (images, corner_residual) = faces::corner_images(geometry, space, &shapes)?;
+    let whole = faces::corner_images(geometry, space, &shapes);
+    let parts;
+    let (space, shapes, (images, corner_residual)) = match whole {
+        // Perhaps faces land on parts of others; if they do not either, the first complaint is the clearer one.
+        Err(complaint @ CheckError::NotOnto { .. }) => {
+            let split = split::face_to_face(geometry, space, &shapes).ok_or(complaint)?;
+            parts = split.0;
+            let images = faces::corner_images(geometry, &parts, &split.1)?;
+            (&parts, split.1, images)
+        }
+        images => (space, shapes, images?),
+    };
     let glued = Glued { geometry, space, shapes, images };
     let orientable = faces::orientable(geometry, space)?;
 
@@ -142,7 +155,6 @@ fn check_in<G: Geometry>(geometry: G, space: &Space) -> Result<Report, CheckErro
     }
 
     let (volume, volume_error) = volume::volume(geometry, &glued.shapes);
-    let faces = space.faces().count();
     let face_classes = space.faces().filter(|(id, face)| *id <= face.partner).count();
     Ok(Report {
         geometry: space.geometry.name(),

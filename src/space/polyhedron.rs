@@ -136,9 +136,18 @@ impl Polyhedron {
             return Err(PolyhedronError::Empty { face: cutting_face(&planes) });
         }
         let face_vertices = outlines(&planes, &vertices, ON_PLANE * scale)?;
+        Self::from_outlines(vertices, face_vertices)
+    }
+
+    /// The polyhedron with these corners and face outlines, counter-clockwise seen from outside. Neighbouring faces
+    /// may lie in one plane, edges may go straight on in a corner, but every edge belongs to exactly two faces.
+    ///
+    /// # Errors
+    /// Outlines that do not fit together.
+    pub fn from_outlines(vertices: Vec<DVec3>, face_vertices: Vec<Vec<usize>>) -> Result<Self, PolyhedronError> {
         let edges = edges(&face_vertices)?;
         // Euler's formula holds unless corners almost coincide.
-        if vertices.len() + planes.len() != edges.len() + 2 {
+        if vertices.len() + face_vertices.len() != edges.len() + 2 {
             return Err(PolyhedronError::Ragged { face: 0 });
         }
         let centroid = centroid(&vertices, &face_vertices);

@@ -231,6 +231,21 @@ fn agree_whole_geometries() {
 }
 
 #[test]
+fn agree_s2xs1() {
+    agrees("s2xs1");
+}
+
+#[test]
+fn agree_genus2xs1() {
+    agrees("genus2xs1");
+}
+
+#[test]
+fn agree_nil_heisenberg() {
+    agrees("nil-heisenberg");
+}
+
+#[test]
 fn agree_alpha_mask() {
     agrees("leaves");
 }

@@ -95,11 +95,13 @@ impl Shoot<'_> {
         let mut steps = 0;
         let mut worst = 0.0_f64;
         while path.status == Status::Flying {
+            // A face may take the state to a part of its partner's plane that is outside; the next segment begins
+            // by bringing it in.
             if stage_segment(geometry, domain, &mut path, BOUNCES, 1.0, |_| ()).is_some() {
+                for face in domain.cells[path.cell].clone() {
+                    worst = worst.max(geometry.side(path.state.point, domain.faces[face].plane));
+                }
                 stage_transport(geometry, domain, &mut path, BOUNCES, |_| ());
-            }
-            for face in domain.cells[path.cell].clone() {
-                worst = worst.max(geometry.side(path.state.point, domain.faces[face].plane));
             }
             steps += 1;
             assert!(steps < 1000, "{what}: loops");

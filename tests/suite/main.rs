@@ -5,7 +5,9 @@
 //! - `architecture`: registry, contracts, who imports whom, where unsafe code may be.
 //! - `cli`: the real binary in a temporary folder: outputs, exact errors, exit codes.
 //! - `closed_form`: pictures and paths whose answer is known.
+//! - `curved`: chords, exits, nearest points, logarithms and series of the geometries with curved geodesics.
 //! - `corners`: rays through edges and vertices, along faces, starting on faces.
+//! - `curves`: chords, exits, logarithms and area densities against walks along the flow.
 //! - `geodesic`: errors of end points against a reference of 192 bits.
 //! - `gluing`: gluing files and Dirichlet domains.
 //! - `gltf`, `scene`: what is read, and what is refused with which words.
@@ -20,15 +22,18 @@
 //! - `twins`: each function of the shaders' geometries against its Rust twin, on the device.
 //! - `vulkan`: devices, probe, compute backend, faults, and that validation is silent.
 //!
-//! `support` holds what modules share, `big` numbers of 192 bits. Tests of a device take it through `support::gpu` or
-//! `support::rt_gpu`.
+//! `support` holds what modules share, `big` numbers of 192 bits and, with `big_groups`, the geodesic flows in them.
+//! Tests of a device take it through `support::gpu` or `support::rt_gpu`.
 
 mod agree;
 mod architecture;
 mod big;
+mod big_groups;
 mod cli;
 mod closed_form;
 mod corners;
+mod curved;
+mod curves;
 mod geodesic;
 mod gltf;
 mod gluing;

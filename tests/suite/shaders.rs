@@ -129,7 +129,15 @@ impl Visitor for Straight {
 #[test]
 fn shaders_geometries_fulfil_the_contract() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders/geometry");
-    let read = |module: &str| fs::read_to_string(folder.join(format!("{module}.glsl"))).expect("the file exists");
+    // With the files that a geometry includes, which define what several share.
+    let read = |module: &str| {
+        let text = fs::read_to_string(folder.join(format!("{module}.glsl"))).expect("the file exists");
+        let included = text
+            .lines()
+            .filter_map(|line| line.strip_prefix("#include \"")?.strip_suffix('"'))
+            .map(|name| fs::read_to_string(folder.join("..").join(name)).expect("the included file exists"));
+        included.collect::<String>() + &text
+    };
     let contract: Vec<String> = read("e3")
         .lines()
         .filter_map(|line| line.strip_prefix("//   "))

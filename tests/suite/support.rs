@@ -1,6 +1,11 @@
 //! What tests of several modules share: the device, taken by one test at a time, and counted skips.
 
-use holonomy::vulkan::{self, Context, ContextOptions, DeviceInfo, Tier, Validation, VulkanError};
+use glam::{DMat4, DVec3, DVec4};
+use holonomy::{
+    geometry::{Geometry, GeometryId, Isometry, Visitor, matrix_from_rows, sl2, sl2_trace, sol, visit},
+    space::{catalogue, domain::Domain},
+    vulkan::{self, Context, ContextOptions, DeviceInfo, Tier, Validation, VulkanError},
+};
 use serde_json::Value;
 use std::{
     env,
@@ -161,4 +166,57 @@ pub fn run_batch(args: &[&str], lines: &[Value]) -> Vec<Value> {
     assert!(output.status.success());
     let text = String::from_utf8(output.stdout).expect("output is text");
     text.lines().map(|line| serde_json::from_str(line).expect("output is JSON")).collect()
+}
+
+/// Isometries of a geometry, each with the same folded as `cross` wants it, and its plane: the pairings of the
+/// catalogue's spaces and their faces, and isometries of kinds that no space of the catalogue has.
+pub fn isometries(id: GeometryId) -> Vec<(Isometry, Isometry, DVec4)> {
+    struct Fold(DVec4, Isometry);
+    impl Visitor for Fold {
+        type Output = Isometry;
+        fn visit<G: Geometry>(self, geometry: G) -> Isometry {
+            geometry.fold(self.0, &self.1)
+        }
+    }
+    let spaces = catalogue::NAMES.iter().filter_map(|name| catalogue::find(name)).filter(|s| s.geometry == id);
+    let faces = spaces.flat_map(|space| Domain::new(&space).faces);
+    let pairings = faces.map(|face| (face.pairing, face.folded, face.plane));
+    let plane = DVec4::new(0.6, 0.8, 0.0, -0.4);
+    pairings.chain(rare_isometries(id.name()).into_iter().map(|m| (m, visit(id, Fold(plane, m)), plane))).collect()
+}
+
+fn rare_isometries(geometry: &str) -> Vec<Isometry> {
+    let rows = |r: [[f64; 4]; 4], z: f64| Isometry { linear: matrix_from_rows(r), shift: DVec4::Z * z };
+    let (s, c) = 0.7_f64.sin_cos();
+    let (sh, ch) = (0.7_f64.sinh(), 0.7_f64.cosh());
+    let turn = [[c, -s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+    let upside_down = DMat4::from_diagonal(DVec4::new(-1.0, 1.0, -1.0, 1.0));
+    let product = |along: [[f64; 4]; 4]| {
+        vec![
+            rows(along, 0.3),
+            Isometry { linear: matrix_from_rows(along) * matrix_from_rows(turn), shift: DVec4::Z },
+            Isometry { linear: upside_down * matrix_from_rows(along), shift: DVec4::Z * -1.2 },
+        ]
+    };
+    let by = [DVec3::new(0.7, -0.4, 0.9), DVec3::new(-0.3, 0.5, -0.6), DVec3::new(0.0, 1.1, 0.0)];
+    match geometry {
+        "s2xr" => product([[c, 0.0, 0.0, s], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [-s, 0.0, 0.0, c]]),
+        "h2xr" => product([[ch, 0.0, 0.0, sh], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [sh, 0.0, 0.0, ch]]),
+        // A turn about the fibre, and a mirror of the plane with the fibre turned over, each before a left
+        // multiplication by (a, 0.2, 0.4).
+        "nil" => [0.0, -0.8]
+            .into_iter()
+            .flat_map(|a| {
+                let turned = [[c, -s, 0.0, a], [s, c, 0.0, 0.2], [a * s, a * c, 1.0, 0.4], [0.0, 0.0, 0.0, 1.0]];
+                let mirrored = [[c, s, 0.0, a], [s, -c, 0.0, 0.2], [a * s, -a * c, -1.0, 0.4], [0.0, 0.0, 0.0, 1.0]];
+                [rows(turned, 0.0), rows(mirrored, 0.0)]
+            })
+            .collect(),
+        "sol" => by.map(sol::translation).to_vec(),
+        // More than a turn of the fibre.
+        "sl2" => by.map(|by| sl2::translation(sl2::element(by.x, by.y, 9.0 * by.z))).to_vec(),
+        // Lower triangular matrices move no point over the edge of the chart.
+        "sl2-trace" => by.map(|by| sl2_trace::translation(DVec3::new(0.5 * by.x, 0.0, by.z))).to_vec(),
+        _ => Vec::new(),
+    }
 }

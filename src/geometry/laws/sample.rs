@@ -14,7 +14,7 @@ pub struct Sample {
     pub length: f64,
     /// Lengths in [−2, 2].
     pub any_lengths: [f64; 2],
-    /// A unit vector of the chart's space.
+    /// A unit vector of the chart's space; along its axes or across the third in some samples.
     pub conormal: DVec3,
     /// Isometries.
     pub isometries: [Isometry; 2],
@@ -32,12 +32,17 @@ pub fn samples<G: Geometry>(geometry: G, seed: u64, count: usize, isometries: &[
         let radius = if i.is_multiple_of(8) { 0.0 } else { 0.5 * random.unit() };
         let p = exponential(geometry, base, vector(base, random.direction()) * radius);
         let direction = if i.is_multiple_of(4) { DVec3::AXES[(i / 4) % 3] } else { random.direction() };
+        let start = Geodesic { point: p, velocity: vector(p, direction) };
         Sample {
-            start: Geodesic { point: p, velocity: vector(p, direction) },
+            start,
             vectors: [0, 1].map(|_| vector(p, random.direction() * (2.0 * random.unit()))),
             length: if i % 8 == 3 { 1e-6 } else { 0.6 * random.unit().max(1e-3) },
-            any_lengths: [0, 1].map(|_| 4.0 * random.unit() - 2.0),
-            conormal: random.direction(),
+            any_lengths: within_chart(geometry, start, [0, 1].map(|_| 4.0 * random.unit() - 2.0)),
+            conormal: match i % 16 {
+                5 => DVec3::AXES[(i / 16) % 3],
+                13 => random.direction().with_z(0.0).normalize_or(DVec3::X),
+                _ => random.direction(),
+            },
             isometries: [0, 1].map(|_| {
                 let index = random.below(isometries.len() + 1);
                 isometries.get(index).copied().unwrap_or(Isometry::IDENTITY)
@@ -45,6 +50,13 @@ pub fn samples<G: Geometry>(geometry: G, seed: u64, count: usize, isometries: &[
         }
     };
     (0..count).map(&mut sample).collect()
+}
+
+/// Lengths halved until the geodesic stays in the chart for their sum, both ways.
+fn within_chart<G: Geometry>(geometry: G, start: Geodesic, lengths: [f64; 2]) -> [f64; 2] {
+    let most = lengths[0].abs() + lengths[1].abs();
+    let edge = [most, -most].iter().any(|t| geometry.edge(start, *t).is_some());
+    if edge { within_chart(geometry, start, lengths.map(|t| 0.5 * t)) } else { lengths }
 }
 
 /// Numbers that only depend on the seed (Steele, Lea, Flood: splitmix64, 2014).

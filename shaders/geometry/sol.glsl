@@ -1,0 +1,352 @@
+// Sol. Twin: src/geometry/sol.rs. Contract: e3.glsl.
+//
+// Points (x, y, z, 1) of the group, vectors in the left-invariant frame, arc length as parameter. Taylor series of
+// z'' = B^2 e^-2z - A^2 e^2z with constant momenta, of order 14 in steps of 1/2: the rest is below the rounding of f32.
+
+const bool GEO_STRAIGHT = false;
+
+const int SOL_TERMS = 15;
+const float SOL_STEP = 0.5;
+const float SOL_HORIZON = 1.0; // longest chord; exits are looked for so far ahead
+const float SOL_LONG = 64.0;   // from here on whole periods are counted
+const float SOL_REACH = 85.0;  // beyond it e^z leaves f32
+
+// The series of e^2z, e^-2z and w from the identity.
+struct SolSeries {
+    float p[SOL_TERMS];
+    float q[SOL_TERMS];
+    float w[SOL_TERMS];
+};
+
+float sol_exp(float x) {
+    return 2.0 * m_half_exp(x);
+}
+
+// (e^z x, e^-z y) for a possibly infinite exponential: nothing stays nothing.
+vec2 sol_stretch(float z, vec2 v) {
+    return vec2(v.x == 0.0 ? 0.0 : sol_exp(z) * v.x, v.y == 0.0 ? 0.0 : sol_exp(-z) * v.y);
+}
+
+vec3 sol_product(vec3 a, vec3 b) {
+    return vec3(a.xy + sol_stretch(a.z, b.xy), a.z + b.z);
+}
+
+vec3 sol_relative(vec3 p, vec3 q) {
+    return vec3(sol_stretch(-p.z, q.xy - p.xy), q.z - p.z);
+}
+
+SolSeries sol_series(vec3 v) {
+    SolSeries s;
+    s.p[0] = 1.0;
+    s.q[0] = 1.0;
+    s.w[0] = v.z;
+    for (int k = 0; k < SOL_TERMS - 1; k++) {
+        float pw = 0.0;
+        float qw = 0.0;
+        for (int j = 0; j <= k; j++) {
+            pw += s.p[j] * s.w[k - j];
+            qw += s.q[j] * s.w[k - j];
+        }
+        float next = float(k + 1);
+        s.w[k + 1] = (v.y * v.y * s.q[k] - v.x * v.x * s.p[k]) / next;
+        s.p[k + 1] = 2.0 * pw / next;
+        s.q[k + 1] = -2.0 * qw / next;
+    }
+    return s;
+}
+
+// Point after `t` about the start of a step with frame velocity `v`, and the change of w.
+vec4 sol_chart(SolSeries s, vec3 v, float t) {
+    vec3 end = vec3(0.0);
+    float bend = 0.0;
+    for (int k = SOL_TERMS - 1; k >= 0; k--) {
+        end = end * t + vec3(v.x * s.p[k], v.y * s.q[k], s.w[k]) / float(k + 1);
+        if (k > 0) bend = bend * t + s.w[k];
+    }
+    return vec4(end * t, bend * t);
+}
+
+// What the variation (e^z dA, e^-z dB, dz, dw) of a step's start makes of x, y about the start, z and w.
+vec4 sol_vary(SolSeries s, vec3 v, vec4 start, float t) {
+    float dz[SOL_TERMS];
+    float dw[SOL_TERMS];
+    dz[0] = start.z;
+    dw[0] = start.w;
+    vec4 sum = vec4(0.0, 0.0, start.zw);
+    float power = t;
+    for (int k = 0; k < SOL_TERMS; k++) {
+        float pz = 0.0;
+        float qz = 0.0;
+        for (int j = 0; j <= k; j++) {
+            pz += s.p[j] * dz[k - j];
+            qz += s.q[j] * dz[k - j];
+        }
+        float next = float(k + 1);
+        float bend = 2.0 * (v.y * (start.y * s.q[k] - v.y * qz) - v.x * (start.x * s.p[k] + v.x * pz));
+        vec4 term = vec4(start.x * s.p[k] + 2.0 * v.x * pz, start.y * s.q[k] - 2.0 * v.y * qz, dw[k], bend);
+        sum += term * (power / next);
+        if (k + 1 < SOL_TERMS) {
+            dz[k + 1] = dw[k] / next;
+            dw[k + 1] = bend / next;
+        }
+        power *= t;
+    }
+    return sum;
+}
+
+// A geodesic from the identity; the momenta stay those of the start.
+struct SolTrack {
+    vec3 start;
+    vec3 point;
+    float w;
+};
+
+vec3 sol_velocity(SolTrack track) {
+    return vec3(sol_stretch(track.point.z, track.start.xy), track.w);
+}
+
+void sol_step(inout SolTrack track, float t) {
+    vec3 v = sol_velocity(track);
+    vec4 end = sol_chart(sol_series(v), v, t);
+    track.point = sol_product(track.point, end.xyz);
+    track.w += end.w;
+}
+
+float sol_count(float t) {
+    return max(ceil(abs(t) / SOL_STEP), 1.0);
+}
+
+SolTrack sol_walk(vec3 v, float t) {
+    SolTrack track = SolTrack(v, vec3(0.0), v.z);
+    float count = sol_count(t);
+    for (float k = 0.0; k < count; k++) sol_step(track, t / count);
+    return track;
+}
+
+// Length after which z and the velocity return: 2 pi / agm(sqrt(1 + 2k), 2 sqrt k), k = |uv|.
+float sol_period(vec3 v) {
+    float k = abs(v.x * v.y);
+    vec2 means = vec2(sqrt(dot(v, v) + 2.0 * k), 2.0 * sqrt(k));
+    for (int i = 0; i < 12; i++) means = vec2(0.5 * (means.x + means.y), sqrt(means.x * means.y));
+    return means.y > 0.0 ? 2.0 * M_PI / means.y : M_INFINITY;
+}
+
+// End of exp(t v), and the differential of the exponential map at t v in the frames of both ends.
+vec3 sol_differential(vec3 v, float t, out mat3 differential) {
+    differential = mat3(1.0);
+    SolTrack track = SolTrack(v, vec3(0.0), v.z);
+    if (t == 0.0) return track.point;
+    if (!(abs(t) <= SOL_REACH)) {
+        differential = mat3(M_INFINITY);
+        return vec3(M_INFINITY);
+    }
+    float count = sol_count(t);
+    float h = t / count;
+    vec4 varied[3] = vec4[3](vec4(0.0), vec4(0.0), vec4(0.0, 0.0, 0.0, 1.0));
+    for (float k = 0.0; k < count; k++) {
+        vec3 here = sol_velocity(track);
+        SolSeries series = sol_series(here);
+        float rise = sol_exp(track.point.z);
+        for (int i = 0; i < 3; i++) {
+            vec2 momenta = vec2(i == 0 ? rise : 0.0, i == 1 ? 1.0 / rise : 0.0);
+            vec4 next = sol_vary(series, here, vec4(momenta, varied[i].zw), h);
+            varied[i] = vec4(varied[i].x + rise * next.x, varied[i].y + next.y / rise, next.zw);
+        }
+        vec4 end = sol_chart(series, here, h);
+        track.point = sol_product(track.point, end.xyz);
+        track.w += end.w;
+    }
+    for (int i = 0; i < 3; i++) differential[i] = vec3(sol_stretch(-track.point.z, varied[i].xy), varied[i].z) / t;
+    return track.point;
+}
+
+vec4 geo_base() {
+    return vec4(0.0, 0.0, 0.0, 1.0);
+}
+
+float geo_inner(vec4 p, vec4 u, vec4 v) {
+    return dot(u.xyz, v.xyz);
+}
+
+Geodesic geo_flow(Geodesic g, float t) {
+    vec3 v = g.velocity.xyz;
+    vec3 whole = vec3(0.0);
+    if (abs(t) > SOL_LONG) {
+        float period = sol_period(v);
+        float turns = trunc(t / period);
+        if (turns != 0.0) {
+            whole = vec3(sol_walk(v, period).point.xy * turns, 0.0);
+            t -= turns * period;
+        }
+    }
+    if (!(abs(t) <= SOL_REACH)) return Geodesic(vec4(M_INFINITY), g.velocity);
+    SolTrack track = sol_walk(v, t);
+    vec3 end = sol_product(g.point.xyz, whole + track.point);
+    return Geodesic(vec4(end, 1.0), vec4(sol_velocity(track), 0.0));
+}
+
+// Closed form of the plane y = 0, which is hyperbolic: velocity at the identity that reaches (x, z) in unit time.
+vec2 sol_plane_log(float x, float z) {
+    float scaled = sol_stretch(z, vec2(0.0, x)).y;
+    float s = m_sinhcosh(0.5 * z).x;
+    float length_out = 2.0 * m_asinh(0.5 * sqrt(x * scaled + 4.0 * s * s));
+    float share = length_out > 1e-4 ? length_out / m_sinhcosh(length_out).x : 1.0;
+    return share * vec2(scaled, 0.5 * x * scaled + m_sinhcosh(z).x);
+}
+
+vec4 geo_log(vec4 p, vec4 q, out float length_out) {
+    vec3 target = sol_relative(p.xyz, q.xyz);
+    vec2 first = sol_plane_log(target.x, target.z);
+    vec2 second = sol_plane_log(target.y, -target.z);
+    vec3 v = vec3(first.x, second.x, first.y - second.y - target.z);
+    vec3 best = v;
+    float least = M_INFINITY;
+    for (int i = 0; i < 16; i++) {
+        float size = length(v);
+        mat3 differential;
+        vec3 end = sol_differential(size > 0.0 ? v / size : vec3(0.0, 0.0, 1.0), size, differential);
+        vec3 off = sol_relative(end, target);
+        float residual = length(off);
+        if (!(residual < least)) {
+            // Where Newton's method no longer gains, rounding is reached; far away it may still come back.
+            if (least < 1e-3 || i > 12) break;
+        } else {
+            best = v;
+            least = residual;
+        }
+        vec3 change = inverse(differential) * off;
+        float step = length(change);
+        if (isinf(step) || isnan(step) || residual == 0.0) break;
+        v += change / max(step, 1.0);
+    }
+    length_out = length(best);
+    return length_out > 0.0 ? vec4(best / length_out, 0.0) : vec4(1.0, 0.0, 0.0, 0.0);
+}
+
+float geo_closeness(vec4 p, vec4 q) {
+    return M_INFINITY;
+}
+
+float geo_area_density(Geodesic g, float t) {
+    mat3 m;
+    vec3 v = g.velocity.xyz;
+    sol_differential(v, t, m);
+    return length(cross(m[1], m[2]) * v.x + cross(m[2], m[0]) * v.y + cross(m[0], m[1]) * v.z) * t * t;
+}
+
+float geo_length(Geodesic g, float u) {
+    return u;
+}
+
+float geo_parameter_at(Geodesic g, float t) {
+    // Finite, so that a walk without end goes on by chords.
+    return min(t, 3e38);
+}
+
+Geodesic geo_advance(Geodesic g, float u) {
+    return geo_flow(g, u);
+}
+
+float geo_side(vec4 p, vec4 plane) {
+    return dot(plane, p);
+}
+
+float geo_exit(Geodesic g, vec4 plane) {
+    vec3 n = vec3(sol_stretch(g.point.z, plane.xy), plane.z);
+    float value = geo_side(g.point, plane);
+    bool on_face = value >= -IO_ON_FACE;
+    if (on_face && dot(n, g.velocity.xyz) > IO_ALONG_FACE) return 0.0;
+    float start = on_face ? -IO_ON_FACE + min(value, 0.0) : value;
+    SolTrack track = SolTrack(g.velocity.xyz, vec3(0.0), g.velocity.z);
+    for (float travelled = 0.0; travelled < SOL_HORIZON; travelled += SOL_STEP) {
+        vec3 v = sol_velocity(track);
+        SolSeries series = sol_series(v);
+        // In coordinates about the step's start |x''| = 2|uw| e^z with |uw| <= 1/2, and |z''| <= 1.
+        n = vec3(sol_stretch(g.point.z + track.point.z, plane.xy), plane.z);
+        float bend = (abs(n.x) + abs(n.y)) * 1.6487213 + abs(n.z);
+        float terms[SOL_TERMS];
+        for (int k = 0; k < SOL_TERMS; k++) terms[k] = dot(n, vec3(v.x * series.p[k], v.y * series.q[k], series.w[k]));
+        float s = 0.0;
+        float before = -1.0;
+        for (int i = 0; i < 256 && s <= SOL_STEP; i++) {
+            float f = 0.0;
+            float rate = 0.0;
+            for (int k = SOL_TERMS - 1; k >= 0; k--) {
+                f = f * s + terms[k] / float(k + 1);
+                rate = rate * s + terms[k];
+            }
+            f = f * s + start;
+            // A stride has gone too far by a stride at most, along a plane that is as close as its rounding.
+            if (f >= 0.0) return travelled + (before >= 0.0 ? before : s);
+            float step = m_safe_step(f, rate, bend);
+            if (step <= 6e-8 * (1.0 + s)) return travelled + s;
+            bool stride = i > M_PATIENCE && step < M_STRIDE;
+            before = stride ? s : -1.0;
+            s += stride ? M_STRIDE : step;
+        }
+        vec4 end = sol_chart(series, v, SOL_STEP);
+        start += dot(n, end.xyz);
+        track.point = sol_product(track.point, end.xyz);
+        track.w += end.w;
+    }
+    return M_INFINITY;
+}
+
+// Deviation h^2/8 times the acceleration, which is at most (a + 0.61h) e^h over a step: see the twin.
+float sol_allowed(float acceleration, float h, float limit, float tolerance) {
+    return min(sqrt(8.0 * tolerance / max((acceleration + 0.61 * h) * sol_exp(h), 1e-30)), limit);
+}
+
+float geo_chord(Geodesic g, float u_max, float tolerance) {
+    vec3 v = g.velocity.xyz;
+    float acceleration = length(vec3(2.0 * v.x * v.z, 2.0 * v.y * v.z, v.y * v.y - v.x * v.x));
+    float limit = min(u_max, SOL_HORIZON);
+    float upper = limit;
+    float lower = 0.0;
+    for (int i = 0; i < 3; i++) {
+        lower = sol_allowed(acceleration, upper, limit, tolerance);
+        upper = sol_allowed(acceleration, lower, limit, tolerance);
+    }
+    return lower;
+}
+
+float geo_parameter(Geodesic g, vec3 c) {
+    vec3 target = sol_relative(g.point.xyz, c);
+    vec3 v = g.velocity.xyz;
+    float s = 0.0;
+    for (int i = 0; i < 10; i++) {
+        SolTrack track = sol_walk(v, s);
+        float step = dot(vec3(v.xy, track.w), target - track.point);
+        s += step;
+        if (abs(step) <= 1e-7 * (0.1 + abs(s))) break;
+    }
+    return s;
+}
+
+Geodesic geo_restore(Geodesic g) {
+    return Geodesic(g.point, normalize(g.velocity));
+}
+
+vec3 geo_chart(vec4 p) {
+    return p.xyz;
+}
+
+vec4 geo_unchart(vec3 c) {
+    return vec4(c, 1.0);
+}
+
+vec4 geo_raise(vec4 p, vec3 conormal) {
+    return vec4(normalize(vec3(sol_stretch(p.z, conormal.xy), conormal.z)), 0.0);
+}
+
+vec3 geo_lower(vec4 p, vec4 v) {
+    return vec3(sol_stretch(-p.z, v.xy), v.z);
+}
+
+Geodesic geo_apply(Isometry m, Geodesic g) {
+    return Geodesic(m.linear * g.point, g.velocity);
+}
+
+Geodesic geo_cross(Isometry m, vec4 plane, Geodesic g) {
+    return geo_apply(m, g);
+}

@@ -1,0 +1,204 @@
+//! What the geometries share whose geodesics are curves in the chart: passages through planes, chords, the nearest
+//! point of a curve, Newton's method for geodesics between two points, and the entire functions of a one-parameter
+//! subgroup of 2×2 matrices.
+
+use super::{ALONG_FACE, Geodesic, Geometry, ON_FACE};
+use glam::{DMat3, DVec3, DVec4};
+
+/// Where a function that is negative before first reaches zero, searched in `[0, end]`. `value_and_rate` gives the
+/// function and its derivative, `bend` bounds its second derivative.
+///
+/// Each step goes to where the parabola with that second derivative would vanish, so no zero is ever stepped over,
+/// however close two of them are; near a simple zero the convergence is quadratic, as in Newton's method. A function
+/// that stays next to zero all the way (a geodesic almost in its plane) would take ever shorter steps: after
+/// [`PATIENCE`] of them none is shorter than [`STRIDE`], and what such a stride may miss is the `bend`'s share of
+/// `STRIDE²/8`.
+pub(super) fn first_zero(value_and_rate: impl Fn(f64) -> [f64; 2], bend: f64, end: f64) -> Option<f64> {
+    let bend = bend.max(f64::MIN_POSITIVE);
+    let (mut s, mut before) = (0.0, None);
+    for count in 0_u32.. {
+        let [value, rate] = value_and_rate(s);
+        if value >= 0.0 {
+            return Some(before.map_or(s, |low| bisect(&value_and_rate, low, s)));
+        }
+        let root = (rate * rate - 2.0 * bend * value).sqrt();
+        let step = if rate > 0.0 { -2.0 * value / (rate + root) } else { (root - rate) / bend };
+        if step <= f64::EPSILON * (1.0 + s) {
+            return Some(s);
+        }
+        let stride = count > PATIENCE && step < STRIDE;
+        if s >= end || (s + step > end && !stride) {
+            return None;
+        }
+        before = stride.then_some(s);
+        s = if stride { (s + STRIDE).min(end) } else { s + step };
+    }
+    None
+}
+
+/// The zero between a negative value and one that is not.
+fn bisect(value_and_rate: impl Fn(f64) -> [f64; 2], mut low: f64, mut high: f64) -> f64 {
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        let [value, _] = value_and_rate(middle);
+        if value < 0.0 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}
+
+/// Steps that [`first_zero`] takes with full care; ordinary passages take about six.
+const PATIENCE: u32 = 60;
+
+/// Its shortest step from then on.
+const STRIDE: f64 = 1e-3;
+
+/// How a passage begins: where the state is on its plane and moves outwards it leaves at once. Otherwise the value
+/// whose zero is the passage; a start on the plane must first get clear of it.
+pub(super) fn before_passage(value: f64, rate: f64) -> Option<f64> {
+    match value >= -ON_FACE {
+        true if rate > ALONG_FACE => None,
+        true => Some(ON_FACE + value.max(0.0)),
+        false => Some(0.0),
+    }
+}
+
+/// Largest `h ≤ limit` with `acceleration(h) h²/8 ≤ tolerance`, up to a few per cent on the safe side.
+///
+/// A chord over the step `h` of a curve `c` deviates from it by `∫ K(s, τ) c″(τ) dτ` with a kernel of one sign whose
+/// integral is at most `h²/8`. `acceleration(h)`, growing with `h`, bounds the metric length of `c″(τ)`, measured at
+/// any point of the step. The two bounds are found in turn: what a too large `h` allows is too small, and conversely.
+pub(super) fn longest_chord(limit: f64, tolerance: f64, acceleration: impl Fn(f64) -> f64) -> f64 {
+    let allowed = |h: f64| (8.0 * tolerance / acceleration(h).max(f64::MIN_POSITIVE)).sqrt().min(limit);
+    let mut upper = limit;
+    let mut lower = 0.0;
+    for _ in 0..3 {
+        lower = allowed(upper);
+        upper = allowed(lower);
+    }
+    lower
+}
+
+/// Curve parameter of the curve's point nearest to a chart point: Gauss–Newton, quadratic where the point is on the
+/// curve and contracting by curvature times distance elsewhere. `product` is the positive product of the frame.
+pub(super) fn nearest_parameter<G: Geometry>(
+    geometry: G,
+    g: Geodesic,
+    c: DVec3,
+    product: impl Fn(DVec4, DVec4) -> f64,
+) -> f64 {
+    let mut s = 0.0;
+    for _ in 0..24 {
+        let at = geometry.advance(g, s);
+        let off = geometry.unchart_vector(at.point, c - geometry.chart(at.point));
+        let step = product(off, at.velocity) / product(at.velocity, at.velocity).max(f64::MIN_POSITIVE);
+        if !step.is_finite() {
+            break;
+        }
+        s += step;
+        if step.abs() <= f64::EPSILON * (0.1 + s.abs()) {
+            break;
+        }
+    }
+    s
+}
+
+/// Solves `end(v) = target` for the velocity `v` (its length is the geodesic's) from a guess. `off_and_differential`
+/// gives the displacement from `end(v)` to the target in the frame at `end(v)`, and the differential of `end`.
+/// Steps are limited to length 1, and the best velocity met is returned, so the answer is finite whenever the guess
+/// is.
+pub(super) fn shoot(guess: DVec3, off_and_differential: impl Fn(DVec3) -> (DVec3, DMat3)) -> DVec3 {
+    let (mut v, mut best, mut least) = (guess, guess, f64::INFINITY);
+    for _ in 0..30 {
+        let (off, differential) = off_and_differential(v);
+        let residual = off.length();
+        if residual < least {
+            (best, least) = (v, residual);
+        } else if least < 1e-6 {
+            // So near, each step gains until rounding is reached.
+            break;
+        }
+        let step = differential.inverse() * off;
+        let length = step.length();
+        if !length.is_finite() || length <= 0.25 * f64::EPSILON * v.length() || residual == 0.0 {
+            break;
+        }
+        v += step / length.max(1.0);
+    }
+    best
+}
+
+/// Area of a small wavefront after length `t` per solid angle, from the differential of the exponential map at `t v`
+/// for unit `v`. Vectors `a`, `b` across `v` have `Ma × Mb = cof(M) (a × b)`.
+pub(super) fn wave_area(differential: DMat3, v: DVec3, t: f64) -> f64 {
+    let [a, b, c] = [differential.x_axis, differential.y_axis, differential.z_axis];
+    (b.cross(c) * v.x + c.cross(a) * v.y + a.cross(b) * v.z).length() * t * t
+}
+
+/// `cosh √z` and `sinh √z / √z`, entire functions of `z`: `cos` and `sin` for negative `z`.
+pub(super) fn cosh_sinhc(z: f64) -> (f64, f64) {
+    let root = z.abs().sqrt();
+    if root < 0.5 {
+        let series = |first: f64| {
+            (0..9)
+                .rev()
+                .fold(1.0, |sum, k| 1.0 + sum * z / ((2.0 * f64::from(k) + first) * (2.0 * f64::from(k) + first + 1.0)))
+        };
+        (series(1.0), series(2.0))
+    } else if z > 0.0 {
+        (root.cosh(), root.sinh() / root)
+    } else {
+        (root.cos(), root.sin() / root)
+    }
+}
+
+/// `(cosh √z − 1)/z` and `(sinh √z − √z)/√z³`.
+pub(super) fn integrals(z: f64) -> (f64, f64) {
+    let root = z.abs().sqrt();
+    let (half, sinhc) = (cosh_sinhc(0.25 * z).1, cosh_sinhc(z).1);
+    let second = 0.5 * half * half;
+    if root < 1.0 {
+        let third =
+            (1..11).rev().fold(1.0, |sum, k| 1.0 + sum * z / ((2.0 * f64::from(k) + 2.0) * (2.0 * f64::from(k) + 3.0)));
+        (second, third / 6.0)
+    } else {
+        (second, (sinhc - 1.0) / z)
+    }
+}
+
+/// `t ≥ 0` with `tanh(√q t)/√q = numerator/denominator` (`tan` for negative `q`), for `numerator ≥ 0`; infinite where
+/// there is none. A negative ratio is met behind the quarter turn of the tangent.
+pub(super) fn artanh_over(q: f64, numerator: f64, denominator: f64) -> f64 {
+    let root = q.abs().sqrt();
+    if q < 0.0 && root * numerator >= 0.1 * denominator {
+        return (root * numerator).atan2(denominator) / root;
+    }
+    if !(denominator > 0.0 && (q <= 0.0 || root * numerator < denominator)) {
+        return f64::INFINITY;
+    }
+    let ratio = numerator / denominator;
+    let z = q * ratio * ratio;
+    if z.abs() < 0.01 {
+        // Σ zᵏ/(2k+1).
+        return ratio * (0..9).rev().fold(0.0, |sum, k| sum * z + 1.0 / (2.0 * f64::from(k) + 1.0));
+    }
+    (root * ratio).atanh() / root
+}
+
+/// First `t ≥ 0` at which `f(t) = (start + 2 rate τ + bend τ²)/(1 − q τ²)`, `τ = tanh(√q t/2)/√q`, passes from
+/// negative to positive; infinite if it never does. All functions in the span of `1, cosh √q t, sinh √q t` (`cos`
+/// and `sin` for negative `q`, `t` and `t²` for 0) have this form, and `rate` is the derivative at the start.
+pub(super) fn first_passage(q: f64, start: f64, rate: f64, bend: f64) -> f64 {
+    let start = start.min(0.0);
+    let discriminant = rate * rate - bend * start;
+    if discriminant < 0.0 {
+        return f64::INFINITY;
+    }
+    // Of the two roots the one where the numerator grows, in the form that does not cancel.
+    let root = discriminant.sqrt();
+    let (numerator, denominator) = if rate > ALONG_FACE { (-start, rate + root) } else { (root - rate, bend) };
+    2.0 * artanh_over(q, numerator, denominator)
+}

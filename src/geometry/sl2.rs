@@ -1,0 +1,387 @@
+//! The universal cover of SL(2, R) with its left-invariant metric. Twin: `shaders/geometry/sl2.glsl`.
+//!
+//! It is the universal cover of the unit tangent bundle of the hyperbolic plane with Sasaki's metric. A point is
+//! `(x, y, θ, w)` with `x² + y² − w² = −1`, `w > 0`: the group element `P R(θ)`, where `P` is symmetric positive with
+//! `P² = [[w+x, y], [y, w−x]]` and `R(θ) = exp(θ X₃)`. The fibre angle θ is any real number: one turn of the fibre is
+//! 2π. `X₁ = ½[[1,0],[0,−1]]`, `X₂ = ½[[0,1],[1,0]]`, `X₃ = ½[[0,−1],[1,0]]` are orthonormal at the identity, and a
+//! tangent vector is `(a, b, c, 0)` in the frame that left multiplications make of them.
+//!
+//! Flow from the identity: `g(t) = exp(t(aX₁ + bX₂ − cX₃)) R(2ct)`. With `κ² = a² + b² − c²` the first factor is
+//! `C + S·½[[a, b+c], [b−c, −a]]`, where `C` and `S` are the entire functions `cosh(κt/2)` and `sinh(κt/2)/(κ/2)` of
+//! κ², so the three regimes are one formula. From another point the fibre angle gains `2ct` and twice the angle of
+//! `(T, D)`, `T = (1+w)C + (xa+yb)S/2`, `D = (ya − xb − (1+w)c)S/2`; for κ² < 0 that pair runs round an ellipse, half
+//! a turn for each zero of S, which are counted.
+//!
+//! The chart is `(x/w, y/w, θ)`, Klein's disk and the fibre angle; the curve parameter is arc length.
+
+use super::{
+    Geodesic, Geometry, Isometry, ON_FACE, Quadric,
+    curved::{
+        before_passage, cosh_sinhc, first_passage, first_zero, integrals, longest_chord, nearest_parameter, shoot,
+        wave_area,
+    },
+    spatial,
+};
+use glam::{DMat3, DMat4, DVec2, DVec3, DVec4, Vec3Swizzles, Vec4Swizzles};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// The universal cover of SL(2, R).
+#[derive(Clone, Copy, Debug)]
+pub struct Sl2;
+
+/// Longest chord, and how far ahead [`Geometry::exit`] looks for planes that are not vertical: a walk takes at most
+/// one chord at a time, so it meets every passage.
+const HORIZON: f64 = 16.0;
+
+/// The point with base point `(x, y)` in the hyperboloid and fibre angle `angle`.
+pub fn element(x: f64, y: f64, angle: f64) -> DVec4 {
+    DVec4::new(x, y, angle, x.hypot(y).hypot(1.0))
+}
+
+/// Left multiplication by a group element. The matrix acts on the base point `(x, y, w)`; the shift of the fibre
+/// angle stands apart, because the matrix knows it only up to turns.
+pub fn translation(by: DVec4) -> Isometry {
+    let (turned, x, w) = (turn(by.z), by.xy(), by.w);
+    let column = |image: DVec2| {
+        let along = x.dot(image);
+        let moved = image + x * (along / (1.0 + w));
+        DVec4::new(moved.x, moved.y, 0.0, along)
+    };
+    let linear = DMat4::from_cols(column(turned), column(turned.perp()), DVec4::Z, x.extend(0.0).extend(w));
+    Isometry { linear, shift: DVec4::Z * by.z }
+}
+
+/// The unit vector at an angle, to rotate by.
+fn turn(angle: f64) -> DVec2 {
+    DVec2::from_angle(angle)
+}
+
+/// A vector of the frame with its horizontal part turned.
+fn turned(by: DVec2, v: DVec3) -> DVec3 {
+    by.rotate(v.xy()).extend(v.z)
+}
+
+/// The base point `h = (x, y, w)` moved as `P` moves the origin to the base of `p`; `h = (0, 0, 1) + rest`, of which
+/// only the rest is given and returned, relative to the image of the origin.
+fn boost(p: DVec4, rest: DVec3) -> DVec3 {
+    let along = p.xy().dot(rest.xy());
+    (rest.xy() + p.xy() * (rest.z + along / (1.0 + p.w))).extend(along + p.w * rest.z)
+}
+
+/// The angle δ in `P₁ P₂ = P₃ R(δ)` for base points `p` and `q`, from `p × (q − p)` for the sake of close points.
+fn holonomy(p: DVec4, step: DVec2, q: DVec4) -> f64 {
+    2.0 * p.xy().perp_dot(step).atan2((1.0 + p.w) * (1.0 + q.w) - p.xy().dot(q.xy()))
+}
+
+/// The group element `p⁻¹q`: base point and fibre angle in `z`.
+fn relative(p: DVec4, q: DVec4) -> DVec3 {
+    let step = q - p;
+    let along = p.xy().dot(step.xy());
+    let base = step.xy() - p.xy() * (step.w - along / (1.0 + p.w));
+    turn(-p.z).rotate(base).extend(step.z + holonomy(p, step.xy(), q))
+}
+
+/// The differential of the exponential map at `t v`, in the frames of both ends: `t⁻¹ ∫ Ad(exp(−sN)) ds` of the
+/// first factor's variation, turned by the second factor, with `N = (a, b, −c)`.
+fn differential(v: DVec3, t: f64) -> DMat3 {
+    let mirror = DVec3::new(1.0, 1.0, -1.0);
+    let n = v * mirror;
+    let (second, third) = integrals((v.x * v.x + v.y * v.y - v.z * v.z) * t * t);
+    let back = turn(-2.0 * v.z * t);
+    let column = |axis: DVec3| {
+        let variation = axis * mirror;
+        // [X₁, X₂] = −X₃, [X₂, X₃] = X₁, [X₃, X₁] = X₂.
+        let bracket = |x: DVec3| n.cross(x) * mirror;
+        let once = bracket(variation) * t;
+        let image = variation - once * second + bracket(once) * (t * third);
+        turned(back, image) + DVec3::Z * (2.0 * axis.z)
+    };
+    DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z))
+}
+
+/// The fibre angle and its unknowns for `logarithm`: with half of the base distance `h`, and the hyperbolic
+/// (`y < 0`) or elliptic (`y > 0`) angle `|y|` that the first factor turns by, the horizontal and vertical
+/// components and the half-angle of the first factor's rotation.
+fn regime(sinh_half: f64, y: f64) -> [f64; 3] {
+    let (cosh, sinhc) = cosh_sinhc(-y * y.abs());
+    let sine = y * sinhc;
+    let horizontal = 2.0 * sinh_half / sinhc;
+    let vertical = 2.0 * (sinh_half * sinh_half + sine * sine.abs()).max(0.0).sqrt() / sinhc;
+    [horizontal, vertical, (0.5 * vertical * sinhc).atan2(cosh)]
+}
+
+/// Velocity at the identity whose geodesic has passed the element with base point `(x, y)` and fibre angle `z` after
+/// unit time.
+///
+/// By the rotations about the fibre and the mirror images that reverse it one equation is left: the fibre angle
+/// grows from 0 to infinity as the angle `y` of the first factor goes from minus half of the base distance to π,
+/// where a geodesic meets its first conjugate point. Newton's method on the whole map polishes the result.
+fn logarithm(target: DVec3) -> DVec3 {
+    let radius = target.xy().length();
+    let sinh_half = radius / (2.0 * (1.0 + radius.hypot(1.0))).sqrt();
+    let angle = target.z.abs();
+    let (mut low, mut high) = (-sinh_half.asinh(), PI);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        let [_, vertical, half] = regime(sinh_half, middle);
+        if 2.0 * (vertical - half) < angle {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    let y = 0.5 * (low + high);
+    let [mut horizontal, mut vertical, half] = regime(sinh_half, y);
+    if y > FRAC_PI_2 {
+        // Next to the conjugate point the fibre angle says more than the base distance.
+        vertical = 0.5 * angle + half;
+        horizontal = (vertical * vertical - 4.0 * y * y).max(0.0).sqrt();
+    }
+    let (vertical, half) = if target.z < 0.0 { (-vertical, -half) } else { (vertical, half) };
+    let towards = if radius > 0.0 { target.xy() / radius } else { DVec2::X };
+    let guess = (turn(half).rotate(towards) * horizontal).extend(vertical);
+    shoot(guess, |v| {
+        let end = Sl2.flow(Geodesic { point: DVec4::W, velocity: v.extend(0.0) }, 1.0).point;
+        let target = element(target.x, target.y, target.z);
+        (relative(end, target), differential(v, 1.0))
+    })
+}
+
+/// The differential of the chart at `p`: columns are the images of the frame.
+fn chart_differential(p: DVec4) -> DMat3 {
+    let (turn, x, k) = (turn(p.z), p.xy(), p.xy() / p.w);
+    let horizontal = |v: DVec2| {
+        let along = x.dot(v);
+        let moved = v + x * (along / (1.0 + p.w));
+        ((moved - k * along) / p.w).extend(v.perp_dot(x) / (1.0 + p.w))
+    };
+    DMat3::from_cols(horizontal(turn), horizontal(turn.perp()), DVec3::Z)
+}
+
+impl Geometry for Sl2 {
+    fn components(&self) -> usize {
+        4
+    }
+
+    fn direction_components(&self) -> usize {
+        3
+    }
+
+    fn base(&self) -> DVec4 {
+        DVec4::W
+    }
+
+    fn settle(&self, components: DVec4) -> Option<DVec4> {
+        Some(element(components.x, components.y, components.z))
+    }
+
+    fn settle_tangent(&self, _p: DVec4, components: DVec4) -> DVec4 {
+        components.xyz().extend(0.0)
+    }
+
+    fn inner(&self, _p: DVec4, u: DVec4, v: DVec4) -> f64 {
+        spatial(u).dot(spatial(v))
+    }
+
+    fn norm(&self, _p: DVec4, v: DVec4) -> f64 {
+        spatial(v).length()
+    }
+
+    fn frame(&self, _p: DVec4) -> [DVec4; 3] {
+        [DVec4::X, DVec4::Y, DVec4::Z]
+    }
+
+    fn flow(&self, g: Geodesic, t: f64) -> Geodesic {
+        let (p, c) = (g.point, g.velocity.z);
+        let v = turn(p.z).rotate(g.velocity.xy());
+        let radius = v.length();
+        let square = (radius - c.abs()) * (radius + c.abs());
+        // Half-turns of the first factor are taken out, so that the rest has C ≥ 0.
+        let angle = 0.5 * t * square.min(0.0).abs().sqrt();
+        let turns = (angle / PI).round();
+        let (cosh, sinh) = if turns == 0.0 {
+            let (cosh, sinhc) = cosh_sinhc(0.25 * square * t * t);
+            (cosh, t * sinhc)
+        } else {
+            let within = angle - turns * PI;
+            (within.cos(), t * within.sin() / angle)
+        };
+        let horizontal = sinh * (v * cosh - v.perp() * (0.5 * c * sinh));
+        let base = p.xy().extend(p.w) + boost(p, horizontal.extend(0.5 * (sinh * radius).powi(2)));
+        let (x, one) = (p.xy(), 1.0 + p.w);
+        let (real, imaginary) = (one * cosh + 0.5 * x.dot(v) * sinh, 0.5 * sinh * (v.perp_dot(x) - one * c));
+        let wound = 2.0 * c * t - turns * PI * 2.0 * c.signum();
+        let fibre = p.z + (wound + 2.0 * imaginary.atan2(real));
+        Geodesic {
+            point: DVec4::new(base.x, base.y, fibre, base.z),
+            velocity: turned(turn(-2.0 * c * t), spatial(g.velocity)).extend(0.0),
+        }
+    }
+
+    fn log(&self, p: DVec4, q: DVec4) -> (DVec4, f64) {
+        let v = logarithm(relative(p, q));
+        let length = v.length();
+        (if length > 0.0 { (v / length).extend(0.0) } else { DVec4::X }, length)
+    }
+
+    fn closeness(&self, _p: DVec4, _q: DVec4) -> f64 {
+        f64::INFINITY
+    }
+
+    /// In the frame turned back by `2ct` a parallel vector turns about the constant vector `(a, b, c)/2` (Koszul's
+    /// formula).
+    fn transport(&self, g: Geodesic, t: f64, w: DVec4) -> DVec4 {
+        let (v, w) = (spatial(g.velocity), spatial(w));
+        let (sin, cos) = (0.5 * t).sin_cos();
+        let spun = w * cos + v.cross(w) * sin + v * (v.dot(w) * (1.0 - cos));
+        turned(turn(-2.0 * v.z * t), spun).extend(0.0)
+    }
+
+    fn area_density(&self, g: Geodesic, t: f64) -> f64 {
+        let v = spatial(g.velocity);
+        wave_area(differential(v, t), v, t)
+    }
+
+    fn length(&self, _g: Geodesic, u: f64) -> f64 {
+        u
+    }
+
+    fn parameter_at(&self, _g: Geodesic, t: f64) -> f64 {
+        // Finite, so that a walk without end goes on by chords.
+        t.min(f64::MAX)
+    }
+
+    fn advance(&self, g: Geodesic, u: f64) -> Geodesic {
+        self.flow(g, u)
+    }
+
+    fn side(&self, p: DVec4, plane: DVec4) -> f64 {
+        plane.x * p.x + plane.y * p.y + (plane.z * p.z + plane.w) * p.w
+    }
+
+    /// In closed form for vertical planes; for the others `HORIZON` is looked ahead, as far as a chord can reach.
+    fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
+        let (p, c) = (g.point, g.velocity.z);
+        let v = turn(p.z).rotate(g.velocity.xy());
+        if plane.z == 0.0 {
+            // The form in coordinates about the base of p, times 1 − κ²τ² with τ = tanh(κt/2)/κ.
+            let along = plane.xy().dot(p.xy());
+            let n = plane.xy() + p.xy() * (plane.w + along / (1.0 + p.w));
+            let start = along + plane.w * p.w;
+            let bend = 2.0 * c * n.perp_dot(v) + start * (v.length_squared() + c * c);
+            let square = (v.length() - c.abs()) * (v.length() + c.abs());
+            return first_passage(square, if start.abs() <= ON_FACE { 0.0 } else { start }, n.dot(v), bend);
+        }
+        let form = |g: Geodesic| {
+            let rate = chart_differential(g.point) * spatial(g.velocity);
+            [plane.xyz().dot(self.chart(g.point)) + plane.w, plane.xyz().dot(rate)]
+        };
+        let [value, rate] = form(g);
+        let Some(threshold) = before_passage(value, rate) else { return 0.0 };
+        // The chart's acceleration is at most 2 in the disk (as for `chord`: r√(c² + 4r²)) and 1/√2 along the fibre.
+        let bend = 2.0 * plane.xy().length() + 0.75 * plane.z.abs();
+        let ahead = |s: f64| {
+            let [value, rate] = form(self.flow(g, s));
+            [value - threshold, rate]
+        };
+        first_zero(ahead, bend, HORIZON).unwrap_or(f64::INFINITY)
+    }
+
+    /// The base curve has geodesic curvature c/r and speed r. With the distance d of the base point from the origin,
+    /// the velocity's part `v_d` away from it and `v_φ` across, the chart curve's acceleration has the metric length
+    /// `√(r²c² + 4 v_d² r² tanh² d + (v_d v_φ T (2 tanh d − T))²)`, `T = tanh(d/2)`: the tangential part of Klein's
+    /// disk and the connection of the fibre. Along the geodesic it changes at a rate of at most `2.3 r²`, and the
+    /// logarithm of the metric's length of a chart vector at a rate of at most `r (0.31 + 2 tanh d)` and of `2r` (maxima
+    /// over all directions and distances, found numerically); tanh d grows by at most h over a step. So over a step h
+    /// the acceleration is at most `(a + 2.3 r² h) exp(r h min(0.31 + 2 (tanh d + h), 2))`, wherever it is measured.
+    fn chord(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
+        let (p, c) = (g.point, g.velocity.z);
+        let v = turn(p.z).rotate(g.velocity.xy());
+        let (far, half) = (p.xy() / p.w, p.xy() / (1.0 + p.w));
+        // v_d tanh d and v_d v_φ T (2 tanh d − T), the latter as (v·T)(v×(2 tanh d − T)).
+        let fall = v.dot(far);
+        let fibre = v.dot(half) * v.perp_dot(2.0 * far - half);
+        let speed = v.length();
+        let acceleration = DVec3::new(speed * c, 2.0 * fall * speed, fibre).length();
+        longest_chord(u_max.min(HORIZON), tolerance, |h| {
+            let distortion = speed * (0.31 + 2.0 * (far.length() + h)).min(2.0);
+            (acceleration + 2.3 * speed * speed * h) * (distortion * h).exp()
+        })
+    }
+
+    fn parameter(&self, g: Geodesic, c: DVec3) -> f64 {
+        nearest_parameter(*self, g, c, |a, b| a.dot(b))
+    }
+
+    fn restore(&self, g: Geodesic) -> Geodesic {
+        Geodesic { point: element(g.point.x, g.point.y, g.point.z), velocity: g.velocity.normalize() }
+    }
+
+    fn chart(&self, p: DVec4) -> DVec3 {
+        (p.xy() / p.w).extend(p.z)
+    }
+
+    fn unchart(&self, c: DVec3) -> Option<DVec4> {
+        let r = c.xy().length();
+        let w = ((1.0 - r) * (1.0 + r)).sqrt().recip();
+        (r < 1.0).then(|| DVec4::new(c.x * w, c.y * w, c.z, w))
+    }
+
+    fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {
+        (chart_differential(p).inverse() * dc).extend(0.0)
+    }
+
+    fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4 {
+        (chart_differential(p).transpose() * conormal).normalize().extend(0.0)
+    }
+
+    fn lower(&self, p: DVec4, v: DVec4) -> DVec3 {
+        chart_differential(p).inverse().transpose() * spatial(v)
+    }
+
+    fn volume_density(&self, c: DVec3) -> f64 {
+        (1.0 - c.xy().length_squared()).powf(-1.5)
+    }
+
+    fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
+        let p = g.point;
+        let base = m.linear * DVec4::new(p.x, p.y, 0.0, p.w);
+        // The left factor's base point is where the origin goes; its fibre turns the right factor's base.
+        let left = m.linear.w_axis;
+        let right = turn(m.shift.z).rotate(p.xy());
+        let angle = 2.0 * right.perp_dot(left.xy()).atan2((1.0 + left.w) * (1.0 + p.w) + left.xy().dot(right));
+        Geodesic { point: DVec4::new(base.x, base.y, m.shift.z + p.z + angle, base.w), velocity: g.velocity }
+    }
+
+    fn compose(&self, a: &Isometry, b: &Isometry) -> Isometry {
+        let origin = b.linear.w_axis.truncate().with_z(b.shift.z).extend(b.linear.w_axis.w);
+        let image = self.apply(a, Geodesic { point: origin, velocity: DVec4::ZERO });
+        Isometry { linear: a.linear * b.linear, shift: DVec4::Z * image.point.z }
+    }
+
+    fn inverse(&self, m: &Isometry) -> Isometry {
+        Isometry { linear: FORM * m.linear.transpose() * FORM, shift: -m.shift }
+    }
+
+    fn isometry_residual(&self, m: &Isometry) -> f64 {
+        let origin = m.linear.w_axis;
+        let rebuilt = translation(element(origin.x, origin.y, m.shift.z));
+        let difference = (m.linear - rebuilt.linear).to_cols_array();
+        difference.iter().fold((m.shift - rebuilt.shift).abs().max_element(), |worst, x| worst.max(x.abs()))
+    }
+
+    fn bisector(&self, _q: DVec4) -> Option<DVec4> {
+        None
+    }
+
+    fn ball(&self, _centre: DVec4, _radius: f64) -> Option<Quadric> {
+        None
+    }
+
+    fn tube(&self, _axis: Geodesic, _radius: f64) -> Option<Quadric> {
+        None
+    }
+}
+
+/// Gram matrix of the form that left multiplications keep in the base; 1 for the fibre.
+const FORM: DMat4 = DMat4::from_diagonal(DVec4::new(1.0, 1.0, 1.0, -1.0));
