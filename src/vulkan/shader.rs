@@ -9,6 +9,11 @@ use std::sync::Arc;
 /// little-endian bytes.
 const SHADERS: &[(&str, &str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 
+/// Entries of `shaders/entry` that the build compiled, for one geometry as for all.
+pub fn entries(geometry: GeometryId) -> impl Iterator<Item = &'static str> {
+    SHADERS.iter().filter(move |(_, module, _)| *module == geometry.entry().module).map(|(entry, _, _)| *entry)
+}
+
 /// The words of an entry of `shaders/entry` for a geometry.
 ///
 /// # Errors

@@ -3,25 +3,10 @@
 use holonomy::{
     geometry::{GEOMETRIES, Geometry, Visitor, visit},
     shader_io,
-    vulkan::shader::spirv,
+    vulkan::shader::{entries, spirv},
 };
 use naga::front::spv;
 use std::{collections::BTreeMap, fs, path::Path};
-
-const ENTRIES: &[&str] = &[
-    "path.comp",
-    "probe.comp",
-    "place.comp",
-    "raygen.rgen",
-    "raygen_reorder.rgen",
-    "transport.rmiss",
-    "recursive.rmiss",
-    "shadow.rmiss",
-    "triangle.rchit",
-    "quadric.rchit",
-    "quadric.rint",
-    "mask.rahit",
-];
 
 /// Offsets of members and sizes of all structures that a module declares, by name. Read from the decorations
 /// themselves (SPIR-V 1.5, sections 3.20 and 3.49), because reflection libraries apply layout rules of their own.
@@ -65,7 +50,7 @@ fn declared(words: &[u32]) -> BTreeMap<String, Vec<(String, u32)>> {
 fn disagreements(shift: usize) -> (usize, Vec<String>) {
     let mut wrong = Vec::new();
     let mut compared = 0;
-    for entry in ENTRIES {
+    for entry in entries(GEOMETRIES[0].id) {
         let modules = declared(&spirv(entry, GEOMETRIES[0].id).expect("the build has it"));
         for (name, _, members) in shader_io::layouts() {
             // A structure that the entry does not use has no offsets.
@@ -101,7 +86,7 @@ fn shaders_shifted_layout_is_caught() {
 #[test]
 fn shaders_modules_parse() {
     for geometry in GEOMETRIES {
-        for entry in ENTRIES {
+        for entry in entries(geometry.id) {
             let words = spirv(entry, geometry.id).expect("the build has it");
             assert_eq!(words[0], 0x0723_0203, "{entry} for {} is no SPIR-V", geometry.name);
             let options = spv::Options { adjust_coordinate_space: false, ..Default::default() };
