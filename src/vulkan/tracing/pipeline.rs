@@ -188,6 +188,10 @@ impl TracePipeline {
         &self.handles[group * size..(group + 1) * size]
     }
 
+    pub(super) fn raw(&self) -> vk::Pipeline {
+        self.handle
+    }
+
     pub(super) fn raygen_handle(&self) -> &[u8] {
         self.group_handle(0)
     }
@@ -215,7 +219,7 @@ impl<'a> Recorder<'a> {
     /// Runs raygen for `extent` invocations (at least one each way), with push constants.
     ///
     /// # Errors
-    /// Objects of another context; push constants of the wrong size.
+    /// Objects of another context; a table of another pipeline; push constants of the wrong size.
     pub fn trace<P: Pod>(
         &mut self,
         pipeline: &'a TracePipeline,
@@ -228,6 +232,10 @@ impl<'a> Recorder<'a> {
         self.own(layout.context(), pipeline.name())?;
         self.own(set.context(), pipeline.name())?;
         self.own(table.context(), pipeline.name())?;
+        if !table.is_of(pipeline) {
+            let what = String::from("the shader binding table of another pipeline");
+            return Err(VulkanError::OtherDevice { what, device: pipeline.name().to_owned() });
+        }
         let push = bytemuck::bytes_of(push);
         check_range("push constants", 0, push.len() as u64, u64::from(layout.push_bytes()))?;
         let context = self.context().clone();
@@ -235,8 +243,7 @@ impl<'a> Recorder<'a> {
         let point = vk::PipelineBindPoint::RAY_TRACING_KHR;
         let [raygen, miss, hit] = table.regions();
         // SAFETY: pipeline, table and set live for 'a, the set's buffers as long as the set; all layouts have the same
-        // bindings; the push constants fit; the table was made for this pipeline (contract of `ShaderTable::new`,
-        // whose records hold handles of existing groups only).
+        // bindings; the push constants fit; the table was made for this pipeline, with handles of existing groups only.
         unsafe {
             device.cmd_bind_pipeline(commands, point, pipeline.handle);
             device.cmd_bind_descriptor_sets(commands, point, layout.raw(), 0, &[set.handle()], &[]);

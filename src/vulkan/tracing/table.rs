@@ -18,6 +18,8 @@ pub struct Record<T> {
 /// The table of a pipeline.
 pub struct ShaderTable {
     buffer: Buffer,
+    /// The pipeline whose handles it holds.
+    pipeline: vk::Pipeline,
     raygen: vk::StridedDeviceAddressRegionKHR,
     miss: vk::StridedDeviceAddressRegionKHR,
     hit: vk::StridedDeviceAddressRegionKHR,
@@ -106,7 +108,13 @@ impl ShaderTable {
         let usage = vk::BufferUsageFlags::SHADER_BINDING_TABLE_KHR | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS;
         let buffer = Buffer::from_slice_for(context, submitter, "shader binding table", &bytes, usage, base)?;
         let address = buffer.address();
-        Ok(Self { raygen: raygen.region(address), miss: miss.region(address), hit: hit.region(address), buffer })
+        Ok(Self {
+            pipeline: pipeline.raw(),
+            raygen: raygen.region(address),
+            miss: miss.region(address),
+            hit: hit.region(address),
+            buffer,
+        })
     }
 
     /// Its size in bytes.
@@ -116,6 +124,11 @@ impl ShaderTable {
 
     pub(super) fn context(&self) -> &Arc<Context> {
         self.buffer.context()
+    }
+
+    /// Whether it was made for this pipeline.
+    pub(super) fn is_of(&self, pipeline: &TracePipeline) -> bool {
+        self.pipeline == pipeline.raw()
     }
 
     /// Raygen, miss and hit records.
