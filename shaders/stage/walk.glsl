@@ -1,7 +1,7 @@
 // Walking a geodesic through the cells: segments for traversal, and transport through the faces.
 //
 // A path alternates between two steps. `stage_segment` finds how far the geodesic goes before it leaves the cell
-// (or the chord's tolerance, or its largest length) and gives the straight piece of the chart to traversal; if
+// (or the arc's tolerance, or its largest length) and gives the segment of the chart to traversal; if
 // that meets nothing, the miss stage `stage_transport` moves the state to the segment's end and, at a face,
 // applies the pairing to point and velocity. Nothing here knows the geometry or the backend.
 #ifndef WALK_GLSL
@@ -22,7 +22,7 @@ struct Path {
     vec4 velocity;  // unit tangent vector there
     float travelled; // geodesic length from the source to `point`
     float u_end;    // curve parameter of the segment's end
-    uint end;       // face at the segment's end (index into all faces), IO_END_CHORD or IO_END_LIMIT
+    uint end;       // face at the segment's end (index into all faces), IO_END_ARC or IO_END_LIMIT
     uint cell;
     uint bounces;   // faces passed
     uint segments;  // segments begun
@@ -30,11 +30,34 @@ struct Path {
     uint status;
 };
 
-// A straight piece of the chart, s in [0, 1].
+// What traversal gets of a path: c(s) = origin + s direction + s (1 - s) bend, s in [0, 1], in the chart. An arc of a
+// parabola; straight, with no bend, where GEO_STRAIGHT.
 struct Segment {
     vec3 origin;
     vec3 direction;
+    vec3 bend;
 };
+
+vec3 segment_at(Segment segment, float s) {
+    vec3 chord = segment.origin + s * segment.direction;
+    return GEO_STRAIGHT ? chord : chord + s * (1.0 - s) * segment.bend;
+}
+
+vec3 segment_tangent(Segment segment, float s) {
+    return GEO_STRAIGHT ? segment.direction : segment.direction + (1.0 - 2.0 * s) * segment.bend;
+}
+
+// The segment along g up to curve parameter u: its ends are the curve's, and so is the difference of its velocities there
+// (Segment::along in src/geometry/mod.rs).
+Segment segment_along(Geodesic g, float u) {
+    Geodesic end = geo_advance(g, u);
+    vec3 origin = geo_chart(g.point);
+    Segment segment = Segment(origin, geo_chart(end.point) - origin, vec3(0.0));
+    if (!GEO_STRAIGHT) {
+        segment.bend = 0.5 * u * (geo_chart_vector(g.point, g.velocity) - geo_chart_vector(end.point, end.velocity));
+    }
+    return segment;
+}
 
 // A path of no length, in state g.
 Path walk_start(Geodesic g, uint cell, uint label) {
@@ -64,6 +87,14 @@ void walk_cross(inout Path path, Geodesic g, uint face) {
     if (IO_LABELS && path.label != IO_NONE) path.label = io_label_table[path.label * uint(io_faces.length()) + face];
 }
 
+// Largest deviation of the next arc from its curve, a length, for a tolerance that is an angle e seen from the source:
+// e times the distance, and at the source what an arc whose direction is off by e deviates (deviation_at in
+// src/space/walk.rs).
+float walk_tolerance(Path path) {
+    float angle = io_view[0].tolerance;
+    return angle * (path.travelled + sqrt(angle) / 3.0);
+}
+
 // What the faces say of a state: where the geodesic leaves, and which face it violates most.
 struct Faces {
     float u;
@@ -72,6 +103,7 @@ struct Faces {
     uint violated;
 };
 
+// Exits beyond faces.u do not matter.
 void walk_test_face(Geodesic g, uint face, inout Faces faces) {
     vec4 plane = io_faces[face].plane;
     float side = geo_side(g.point, plane);
@@ -79,16 +111,19 @@ void walk_test_face(Geodesic g, uint face, inout Faces faces) {
         faces.worst = side;
         faces.violated = face;
     }
-    float u = geo_exit(g, plane);
+    float u = geo_exit(g, plane, faces.u);
     if (u < faces.u) {
         faces.u = u;
         faces.exit = face;
     }
 }
 
-Faces walk_test_faces(Path path) {
+// What ends the segment before any face does, and then the faces.
+Faces walk_test_faces(Path path, float limit) {
     Geodesic g = walk_state(path);
-    Faces faces = Faces(M_INFINITY, IO_END_LIMIT, IO_ON_FACE, IO_END_LIMIT);
+    float rest = geo_parameter_at(g, limit - path.travelled);
+    float arc = geo_arc(g, rest, walk_tolerance(path));
+    Faces faces = Faces(arc, arc < rest ? IO_END_ARC : IO_END_LIMIT, IO_ON_FACE, IO_END_LIMIT);
     if (IO_FACES > 0u) {
         // One cell: a loop of known length with reads at known places.
         [[unroll]] for (uint face = 0u; face < IO_FACES; face++) walk_test_face(g, face, faces);
@@ -100,21 +135,11 @@ Faces walk_test_faces(Path path) {
     return faces;
 }
 
-// Largest deviation of the next chord from its curve, a length: the tolerance is an angle e seen from the source, so it
-// is e times the distance, travelled + s for a point at s along the chord. A curve of curvature k leaves its chord by
-// k s (h - s) / 2 there. That stays within the angle up to the h with sqrt(travelled + h) = sqrt(travelled) + sqrt(2 e / k),
-// whose deviation k h^2 / 8 is e travelled far from the source and e^2 / 2k at the source. The model geometries have
-// curvatures of order 1, and so the sum of both serves at any distance, wherever faces cut the path.
-float walk_tolerance(Path path) {
-    float angle = io_view[0].chord_tolerance;
-    return angle * (path.travelled + 0.5 * angle);
-}
-
 // Finds the end of the segment that starts at the path's state, and brings a state that rounding has left outside
 // of its cell (at an edge or a corner) back first. The path ends after geodesic length `limit`, and at most `bounces`
 // faces are passed. False: the path has ended.
 bool stage_segment(inout Path path, float limit, uint bounces, bool first, out Segment segment) {
-    Faces faces = walk_test_faces(path);
+    Faces faces = walk_test_faces(path, limit);
     for (uint attempt = 0u; faces.violated != IO_END_LIMIT; attempt++) {
         bool lost = attempt == IO_REDUCE_LIMIT;
         if (lost) count(IO_COUNT_LOST);
@@ -123,16 +148,11 @@ bool stage_segment(inout Path path, float limit, uint bounces, bool first, out S
             return false;
         }
         walk_cross(path, walk_state(path), faces.violated);
-        faces = walk_test_faces(path);
+        faces = walk_test_faces(path, limit);
     }
     float u = faces.u;
     path.end = faces.exit;
     Geodesic g = walk_state(path);
-    float rest = geo_parameter_at(g, limit - path.travelled);
-    if (rest < u) {
-        u = rest;
-        path.end = IO_END_LIMIT;
-    }
     // A geodesic that meets no face and has no limit ends here: only an unbounded cell lets it. One with a limit that
     // the curve parameter does not reach goes there in strides.
     if (isinf(u)) {
@@ -141,20 +161,34 @@ bool stage_segment(inout Path path, float limit, uint bounces, bool first, out S
             return false;
         }
         u = geo_parameter_at(g, IO_STRIDE);
-        path.end = IO_END_CHORD;
+        path.end = IO_END_ARC;
     }
-    float chord = geo_chord(g, u, walk_tolerance(path));
-    if (chord < u) {
-        u = chord;
-        path.end = IO_END_CHORD;
+    segment = segment_along(g, u);
+    if (!GEO_STRAIGHT) {
+        // The way from the chord to the arc grows like u^2.
+        for (uint i = 0u; i < IO_SAGITTA_STEPS; i++) {
+            vec3 size = abs(segment.bend);
+            float sagitta = 0.25 * max(size.x, max(size.y, size.z));
+            if (sagitta <= io_view[0].sagitta) break;
+            u *= 0.9 * sqrt(io_view[0].sagitta / sagitta);
+            path.end = IO_END_ARC;
+            segment = segment_along(g, u);
+        }
     }
     path.u_end = u;
     path.segments++;
-    segment.origin = geo_chart(g.point);
-    segment.direction = geo_chart(geo_advance(g, u).point) - segment.origin;
+    // The same parabola, a little beyond its ends.
     float slack = IO_OVERLAP * inversesqrt(max(dot(segment.direction, segment.direction), 1e-12));
-    if (!first) segment.origin -= slack * segment.direction;
-    segment.direction *= first ? 1.0 + slack : 1.0 + 2.0 * slack;
+    if (GEO_STRAIGHT) {
+        if (!first) segment.origin -= slack * segment.direction;
+        segment.direction *= first ? 1.0 + slack : 1.0 + 2.0 * slack;
+    } else {
+        vec3 end = segment_at(segment, 1.0 + slack);
+        if (!first) segment.origin = segment_at(segment, -slack);
+        segment.direction = end - segment.origin;
+        float whole = first ? 1.0 + slack : 1.0 + 2.0 * slack;
+        segment.bend *= whole * whole;
+    }
     return true;
 }
 
@@ -163,7 +197,7 @@ void stage_transport(inout Path path, uint bounces) {
     Geodesic g = walk_state(path);
     path.travelled += geo_length(g, path.u_end);
     g = geo_advance(g, path.u_end);
-    if (path.end == IO_END_CHORD) {
+    if (path.end == IO_END_ARC) {
         g = geo_restore(g);
         path.point = g.point;
         path.velocity = g.velocity;
