@@ -368,7 +368,11 @@ numbers! {
     ON_EDGE: float = 2.5e-7;
     /// Times that a segment whose chord is too far from its arc is made shorter.
     SAGITTA_STEPS: uint = 4;
-    /// Length of a segment in an unbounded cell where the curve parameter does not reach the path's end.
+    /// A curve that leaves a cell and comes back within one arc, no farther outside than this many times what the arc may
+    /// deviate, has not left. (Chart and metric differ by less than that in a cell.)
+    FACE_MARGIN: float = 8.0;
+    /// Length of the longest arc, and of a segment in an unbounded cell where the curve parameter does not reach the
+    /// path's end.
     STRIDE: float = 2.0;
     /// A path's segment ends where the path ends.
     END_LIMIT: uint = 0xffff_ffff;

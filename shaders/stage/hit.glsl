@@ -17,24 +17,23 @@ struct Hit {
 const uint HIT_REFINE_STEPS = 4u;
 
 // Height of the curve's point at parameter u over a triangle's plane.
-float hit_height(Geodesic g, float u, vec3 normal, vec3 corner) {
-    return dot(normal, geo_chart(geo_advance(g, u).point) - corner);
+float hit_height(Path path, float u, vec3 normal, vec3 corner) {
+    return dot(normal, geo_chart(walk_along(path, u).point) - corner);
 }
 
 // Curve parameter at which the geodesic meets the triangle that its segment meets at s: secant steps, the first one with
 // the slope along the arc, inside the segment's range; the best of all steps (src/render/cpu/surface.rs, refine).
 float hit_refined(Path path, Segment segment, Triangle triangle, float s) {
-    Geodesic g = walk_state(path);
     vec3 normal = cross(triangle.b - triangle.a, triangle.c - triangle.a);
     float slope = dot(normal, segment_tangent(segment, s)) / path.u_end;
     float u = clamp(s * path.u_end, 0.0, path.u_end);
-    float off = hit_height(g, u, normal, triangle.a);
+    float off = hit_height(path, u, normal, triangle.a);
     float best_u = u;
     float best_off = abs(off);
     for (uint i = 0u; i < HIT_REFINE_STEPS; i++) {
         if (off == 0.0 || slope == 0.0) break;
         float next = clamp(u - off / slope, 0.0, path.u_end);
-        float off_next = hit_height(g, next, normal, triangle.a);
+        float off_next = hit_height(path, next, normal, triangle.a);
         if (next == u || isnan(off_next)) break;
         slope = (off_next - off) / (next - u);
         u = next;
@@ -49,11 +48,8 @@ float hit_refined(Path path, Segment segment, Triangle triangle, float s) {
 
 // Moves the path's state to curve parameter u, the hit.
 void hit_arrive(inout Path path, float u) {
-    Geodesic g = walk_state(path);
-    path.travelled += geo_length(g, u);
-    g = geo_advance(g, u);
-    path.point = g.point;
-    path.velocity = g.velocity;
+    path.travelled += geo_length(walk_state(path), u);
+    walk_set(path, walk_along(path, u));
     path.status = PATH_HIT;
 }
 

@@ -16,11 +16,12 @@ const uint PATH_FLYING = 0u;
 const uint PATH_HIT = 1u;
 const uint PATH_GONE = 2u;
 
-// State of a ray between two segments; what the ray tracing pipeline carries from stage to stage (64 bytes).
+// State of a ray between two segments; what the ray tracing pipeline carries from stage to stage (64 bytes). While a
+// segment is traced, an arc's state is that of its end: it is known already, and transport needs it.
 struct Path {
-    vec4 point;     // where the current segment starts, in the cell's coordinates
+    vec4 point;     // where the current segment starts or, on an arc, ends, in the cell's coordinates
     vec4 velocity;  // unit tangent vector there
-    float travelled; // geodesic length from the source to `point`
+    float travelled; // geodesic length from the source to the segment's start
     float u_end;    // curve parameter of the segment's end
     uint end;       // face at the segment's end (index into all faces), IO_END_ARC or IO_END_LIMIT
     uint cell;
@@ -47,10 +48,15 @@ vec3 segment_tangent(Segment segment, float s) {
     return GEO_STRAIGHT ? segment.direction : segment.direction + (1.0 - 2.0 * s) * segment.bend;
 }
 
-// The segment along g up to curve parameter u: its ends are the curve's, and so is the difference of its velocities there
-// (Segment::along in src/geometry/mod.rs).
-Segment segment_along(Geodesic g, float u) {
-    Geodesic end = geo_advance(g, u);
+// The largest value that the form of a plane may have on a segment: no less than at any of its points.
+float segment_highest(Segment segment, vec4 plane) {
+    float start = dot(plane.xyz, segment.origin) + plane.w;
+    return max(start, start + dot(plane.xyz, segment.direction)) + 0.25 * max(dot(plane.xyz, segment.bend), 0.0);
+}
+
+// The segment from g to `end` at curve parameter u: its ends are the curve's, and so is the difference of its velocities
+// there (Segment::along in src/geometry/mod.rs).
+Segment segment_between(Geodesic g, Geodesic end, float u) {
     vec3 origin = geo_chart(g.point);
     Segment segment = Segment(origin, geo_chart(end.point) - origin, vec3(0.0));
     if (!GEO_STRAIGHT) {
@@ -68,6 +74,16 @@ Geodesic walk_state(Path path) {
     return Geodesic(path.point, path.velocity);
 }
 
+// The state at curve parameter u of the segment that is traced.
+Geodesic walk_along(Path path, float u) {
+    return geo_advance(walk_state(path), GEO_STRAIGHT ? u : u - path.u_end);
+}
+
+void walk_set(inout Path path, Geodesic g) {
+    path.point = g.point;
+    path.velocity = g.velocity;
+}
+
 // Geodesic length at which primary rays end.
 float walk_limit() {
     return IO_MAX_DISTANCE ? io_view[0].max_distance : M_INFINITY;
@@ -79,9 +95,7 @@ uint walk_cell(Path path) {
 
 // Takes the path through a face.
 void walk_cross(inout Path path, Geodesic g, uint face) {
-    Geodesic h = geo_restore(geo_cross(Isometry(io_faces[face].linear, io_faces[face].shift), io_faces[face].plane, g));
-    path.point = h.point;
-    path.velocity = h.velocity;
+    walk_set(path, geo_restore(geo_cross(Isometry(io_faces[face].linear, io_faces[face].shift), io_faces[face].plane, g)));
     path.bounces++;
     if (IO_FACES == 0u) path.cell = io_faces[face].cell;
     if (IO_LABELS && path.label != IO_NONE) path.label = io_label_table[path.label * uint(io_faces.length()) + face];
@@ -95,6 +109,39 @@ float walk_tolerance(Path path) {
     return angle * (path.travelled + sqrt(angle) / 3.0);
 }
 
+// How far the next segment reaches: curve parameter of its end and what is there. An arc is known before any face is
+// looked at, and shows which faces it may leave by at all.
+struct Reach {
+    float u;
+    uint end;
+    Geodesic state; // at the end
+    Segment segment;
+};
+
+Reach walk_reach(Path path, float limit) {
+    Geodesic g = walk_state(path);
+    float rest = geo_parameter_at(g, limit - path.travelled);
+    float arc = geo_arc(g, rest, walk_tolerance(path));
+    Reach reach = Reach(arc, arc < rest ? IO_END_ARC : IO_END_LIMIT, g, Segment(vec3(0.0), vec3(0.0), vec3(0.0)));
+    if (GEO_STRAIGHT) return reach;
+    float stride = geo_parameter_at(g, IO_STRIDE);
+    if (stride < arc) {
+        reach.u = stride;
+        reach.end = IO_END_ARC;
+    }
+    for (uint i = 0u; i <= IO_SAGITTA_STEPS; i++) {
+        reach.state = geo_advance(g, reach.u);
+        reach.segment = segment_between(g, reach.state, reach.u);
+        // The way from the chord to the arc grows like u^2.
+        vec3 size = abs(reach.segment.bend);
+        float sagitta = 0.25 * max(size.x, max(size.y, size.z));
+        if (sagitta <= io_view[0].sagitta || i == IO_SAGITTA_STEPS) break;
+        reach.u *= 0.9 * sqrt(io_view[0].sagitta / sagitta);
+        reach.end = IO_END_ARC;
+    }
+    return reach;
+}
+
 // What the faces say of a state: where the geodesic leaves, and which face it violates most.
 struct Faces {
     float u;
@@ -103,14 +150,15 @@ struct Faces {
     uint violated;
 };
 
-// Exits beyond faces.u do not matter.
-void walk_test_face(Geodesic g, uint face, inout Faces faces) {
+// Exits beyond faces.u do not matter, and most faces are far from an arc.
+void walk_test_face(Geodesic g, uint face, Segment segment, float margin, inout Faces faces) {
     vec4 plane = io_faces[face].plane;
     float side = geo_side(g.point, plane);
     if (side > faces.worst) {
         faces.worst = side;
         faces.violated = face;
     }
+    if (!GEO_STRAIGHT && segment_highest(segment, plane) < -margin) return;
     float u = geo_exit(g, plane, faces.u);
     if (u < faces.u) {
         faces.u = u;
@@ -118,28 +166,41 @@ void walk_test_face(Geodesic g, uint face, inout Faces faces) {
     }
 }
 
-// What ends the segment before any face does, and then the faces.
-Faces walk_test_faces(Path path, float limit) {
+Faces walk_test_faces(Path path, Reach reach) {
     Geodesic g = walk_state(path);
-    float rest = geo_parameter_at(g, limit - path.travelled);
-    float arc = geo_arc(g, rest, walk_tolerance(path));
-    Faces faces = Faces(arc, arc < rest ? IO_END_ARC : IO_END_LIMIT, IO_ON_FACE, IO_END_LIMIT);
+    float margin = IO_FACE_MARGIN * walk_tolerance(path) + IO_ON_FACE;
+    Faces faces = Faces(reach.u, reach.end, IO_ON_FACE, IO_END_LIMIT);
     if (IO_FACES > 0u) {
         // One cell: a loop of known length with reads at known places.
-        [[unroll]] for (uint face = 0u; face < IO_FACES; face++) walk_test_face(g, face, faces);
+        [[unroll]] for (uint face = 0u; face < IO_FACES; face++) walk_test_face(g, face, reach.segment, margin, faces);
     } else {
         uint first = io_cells[path.cell].first_face;
         uint end = first + io_cells[path.cell].face_count;
-        for (uint face = first; face < end; face++) walk_test_face(g, face, faces);
+        for (uint face = first; face < end; face++) walk_test_face(g, face, reach.segment, margin, faces);
     }
     return faces;
+}
+
+// The same parabola, a little beyond its ends.
+Segment segment_extended(Segment segment, bool first) {
+    float slack = IO_OVERLAP * inversesqrt(max(dot(segment.direction, segment.direction), 1e-12));
+    if (GEO_STRAIGHT) {
+        if (!first) segment.origin -= slack * segment.direction;
+        segment.direction *= first ? 1.0 + slack : 1.0 + 2.0 * slack;
+        return segment;
+    }
+    vec3 end = segment_at(segment, 1.0 + slack);
+    if (!first) segment.origin = segment_at(segment, -slack);
+    float whole = first ? 1.0 + slack : 1.0 + 2.0 * slack;
+    return Segment(segment.origin, end - segment.origin, segment.bend * whole * whole);
 }
 
 // Finds the end of the segment that starts at the path's state, and brings a state that rounding has left outside
 // of its cell (at an edge or a corner) back first. The path ends after geodesic length `limit`, and at most `bounces`
 // faces are passed. False: the path has ended.
 bool stage_segment(inout Path path, float limit, uint bounces, bool first, out Segment segment) {
-    Faces faces = walk_test_faces(path, limit);
+    Reach reach = walk_reach(path, limit);
+    Faces faces = walk_test_faces(path, reach);
     for (uint attempt = 0u; faces.violated != IO_END_LIMIT; attempt++) {
         bool lost = attempt == IO_REDUCE_LIMIT;
         if (lost) count(IO_COUNT_LOST);
@@ -148,14 +209,15 @@ bool stage_segment(inout Path path, float limit, uint bounces, bool first, out S
             return false;
         }
         walk_cross(path, walk_state(path), faces.violated);
-        faces = walk_test_faces(path, limit);
+        reach = walk_reach(path, limit);
+        faces = walk_test_faces(path, reach);
     }
     float u = faces.u;
     path.end = faces.exit;
     Geodesic g = walk_state(path);
     // A geodesic that meets no face and has no limit ends here: only an unbounded cell lets it. One with a limit that
     // the curve parameter does not reach goes there in strides.
-    if (isinf(u)) {
+    if (GEO_STRAIGHT && isinf(u)) {
         if (isinf(limit)) {
             path.status = PATH_GONE;
             return false;
@@ -163,47 +225,25 @@ bool stage_segment(inout Path path, float limit, uint bounces, bool first, out S
         u = geo_parameter_at(g, IO_STRIDE);
         path.end = IO_END_ARC;
     }
-    segment = segment_along(g, u);
-    if (!GEO_STRAIGHT) {
-        // The way from the chord to the arc grows like u^2.
-        for (uint i = 0u; i < IO_SAGITTA_STEPS; i++) {
-            vec3 size = abs(segment.bend);
-            float sagitta = 0.25 * max(size.x, max(size.y, size.z));
-            if (sagitta <= io_view[0].sagitta) break;
-            u *= 0.9 * sqrt(io_view[0].sagitta / sagitta);
-            path.end = IO_END_ARC;
-            segment = segment_along(g, u);
-        }
+    if (GEO_STRAIGHT || u < reach.u) {
+        reach.state = geo_advance(g, u);
+        reach.segment = segment_between(g, reach.state, u);
     }
+    if (!GEO_STRAIGHT) walk_set(path, reach.state);
     path.u_end = u;
     path.segments++;
-    // The same parabola, a little beyond its ends.
-    float slack = IO_OVERLAP * inversesqrt(max(dot(segment.direction, segment.direction), 1e-12));
-    if (GEO_STRAIGHT) {
-        if (!first) segment.origin -= slack * segment.direction;
-        segment.direction *= first ? 1.0 + slack : 1.0 + 2.0 * slack;
-    } else {
-        vec3 end = segment_at(segment, 1.0 + slack);
-        if (!first) segment.origin = segment_at(segment, -slack);
-        segment.direction = end - segment.origin;
-        float whole = first ? 1.0 + slack : 1.0 + 2.0 * slack;
-        segment.bend *= whole * whole;
-    }
+    segment = segment_extended(reach.segment, first);
     return true;
 }
 
 // The miss stage: the segment met nothing, so the geodesic moves on to its end and through the face there.
 void stage_transport(inout Path path, uint bounces) {
-    Geodesic g = walk_state(path);
-    path.travelled += geo_length(g, path.u_end);
-    g = geo_advance(g, path.u_end);
+    Geodesic g = GEO_STRAIGHT ? geo_advance(walk_state(path), path.u_end) : walk_state(path);
+    path.travelled += geo_length(walk_state(path), path.u_end);
     if (path.end == IO_END_ARC) {
-        g = geo_restore(g);
-        path.point = g.point;
-        path.velocity = g.velocity;
+        walk_set(path, geo_restore(g));
     } else if (path.end == IO_END_LIMIT || path.bounces == bounces) {
-        path.point = g.point;
-        path.velocity = g.velocity;
+        walk_set(path, g);
         path.status = PATH_GONE;
     } else {
         walk_cross(path, g, path.end);

@@ -389,7 +389,7 @@ fn chart_vector_is_undone<G: Geometry>(geometry: G, s: &Sample) -> f64 {
 fn arc_stays_near<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let (tolerance, far) = (1e-3, geometry.parameter_at(s.start, s.length));
     let end = geometry.arc(s.start, far, tolerance);
-    let arc = Segment::along(geometry, s.start, end);
+    let (arc, _) = Segment::along(geometry, s.start, end);
     let off = |k: i32| {
         let c = arc.at(f64::from(k) / 16.0);
         let nearest = geometry.advance(s.start, geometry.parameter(s.start, c)).point;

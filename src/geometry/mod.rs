@@ -143,17 +143,19 @@ impl Segment {
     ///
     /// With |c‴| ≤ M along the curve it leaves it by at most M u³/96, the integral of the kernel of Peano for the
     /// third derivative, |(s−τ)₊² − s(1−τ)² + s(1−s)(1−τ)|/2, which is largest at s = ½.
-    pub fn along<G: Geometry>(geometry: G, g: Geodesic, u: f64) -> Self {
+    ///
+    /// Returns the state at its end, too.
+    pub fn along<G: Geometry>(geometry: G, g: Geodesic, u: f64) -> (Self, Geodesic) {
         let end = geometry.advance(g, u);
         let origin = geometry.chart(g.point);
         let direction = geometry.chart(end.point) - origin;
         let bend = if G::STRAIGHT {
             DVec3::ZERO
         } else {
-            let [start, end] = [g, end].map(|g| geometry.chart_vector(g.point, g.velocity));
-            (start - end) * (0.5 * u)
+            let [before, after] = [g, end].map(|g| geometry.chart_vector(g.point, g.velocity));
+            (before - after) * (0.5 * u)
         };
-        Self { origin, direction, bend }
+        (Self { origin, direction, bend }, end)
     }
 
     /// The point at `s`.
@@ -164,6 +166,13 @@ impl Segment {
     /// The derivative with respect to `s`.
     pub fn tangent(&self, s: f64) -> DVec3 {
         self.direction + self.bend * (1.0 - 2.0 * s)
+    }
+
+    /// The largest value that the form of a plane `(n, d)` may have on it: no less than at any of its points.
+    pub fn highest(&self, plane: DVec4) -> f64 {
+        let n = plane.truncate();
+        let start = n.dot(self.origin) + plane.w;
+        start.max(start + n.dot(self.direction)) + 0.25 * n.dot(self.bend).max(0.0)
     }
 
     /// The same parabola from `s = −before` to `s = 1 + after`, both small.

@@ -114,7 +114,7 @@ pub fn carry<G: Geometry>(
         }
         let (from, passed) = (path.state, geometry.length(path.state, path.u_end));
         vectors.iter_mut().for_each(|v| *v = geometry.transport(from, passed, *v));
-        let (end, known) = (geometry.advance(from, path.u_end).point, faces.len());
+        let (end, known) = (path.ahead.point, faces.len());
         stage_transport(geometry, domain, &mut path, MAX_FACES, |face| faces.push(face));
         pass(geometry, domain, &faces[known..], end, vectors);
     }

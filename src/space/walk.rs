@@ -8,7 +8,7 @@
 use super::domain::Domain;
 use crate::{
     geometry::{Geodesic, Geometry, ON_FACE, Segment},
-    shader_io::{NONE, REDUCE_LIMIT, SAGITTA_STEPS, STRIDE},
+    shader_io::{FACE_MARGIN, NONE, REDUCE_LIMIT, SAGITTA_STEPS, STRIDE},
 };
 
 /// Where a segment ends.
@@ -46,6 +46,8 @@ pub struct Path {
     pub limit: f64,
     /// Curve parameter of the segment's end.
     pub u_end: f64,
+    /// The state there.
+    pub ahead: Geodesic,
     /// What is there.
     pub end: End,
     /// Index of the cell.
@@ -71,6 +73,7 @@ impl Path {
             travelled: 0.0,
             limit,
             u_end: 0.0,
+            ahead: state,
             end: End::Limit,
             cell,
             bounces: 0,
@@ -104,6 +107,11 @@ pub struct Follow {
 impl Follow {
     /// Exactly, in segments that only the geometry limits: for walks that meet nothing.
     pub const EXACTLY: Self = Self { tolerance: f64::INFINITY, sagitta: f64::INFINITY };
+
+    /// Largest deviation of the path's next segment, a length.
+    fn deviation(self, path: &Path) -> f64 {
+        deviation_at(path.travelled, self.tolerance)
+    }
 }
 
 /// Largest deviation of an arc from its curve, a length, for an arc that begins at distance `travelled` from the source and
@@ -131,11 +139,8 @@ pub fn stage_segment<G: Geometry>(
 ) -> Option<Segment> {
     let first = path.segments == 0;
     let mut attempt = 0;
-    let mut u = loop {
-        // What ends the segment before any face does.
-        let rest = geometry.parameter_at(path.state, path.limit - path.travelled);
-        let mut u = geometry.arc(path.state, rest, deviation_at(path.travelled, follow.tolerance));
-        path.end = if u < rest { End::Arc } else { End::Limit };
+    let (mut u, mut ahead) = loop {
+        let (mut u, ahead) = reach(geometry, path, follow);
         let mut worst = ON_FACE;
         let mut violated = None;
         for face in domain.cells[path.cell].clone() {
@@ -145,13 +150,19 @@ pub fn stage_segment<G: Geometry>(
                 worst = side;
                 violated = Some(face);
             }
+            // Most faces are far from the segment.
+            if ahead
+                .is_some_and(|(segment, _)| segment.highest(plane) < -f64::from(FACE_MARGIN) * follow.deviation(path))
+            {
+                continue;
+            }
             let exit = geometry.exit(path.state, plane, u);
             if exit < u {
                 u = exit;
                 path.end = End::Face(face);
             }
         }
-        let Some(face) = violated else { break u };
+        let Some(face) = violated else { break (u, ahead) };
         if attempt == REDUCE_LIMIT {
             path.status = Status::Lost;
             return None;
@@ -174,21 +185,41 @@ pub fn stage_segment<G: Geometry>(
         u = geometry.parameter_at(path.state, STRIDE.into());
         path.end = End::Arc;
     }
-    let mut segment = Segment::along(geometry, path.state, u);
+    if matches!(path.end, End::Face(_)) {
+        ahead = None;
+    }
+    let (segment, end) = ahead.unwrap_or_else(|| Segment::along(geometry, path.state, u));
+    path.ahead = end;
+    path.u_end = u;
+    path.segments += 1;
+    let slack = OVERLAP / segment.direction.length().max(1e-9);
+    Some(segment.extended(if first { 0.0 } else { slack }, slack))
+}
+
+/// How far the next segment reaches if no face ends it, with that segment where it is an arc.
+fn reach<G: Geometry>(geometry: G, path: &mut Path, follow: Follow) -> (f64, Option<(Segment, Geodesic)>) {
+    let rest = geometry.parameter_at(path.state, path.limit - path.travelled);
+    let mut u = geometry.arc(path.state, rest, follow.deviation(path));
+    path.end = if u < rest { End::Arc } else { End::Limit };
+    if G::STRAIGHT || follow.tolerance.is_infinite() {
+        return (u, None);
+    }
+    let stride = geometry.parameter_at(path.state, STRIDE.into());
+    if stride < u {
+        (u, path.end) = (stride, End::Arc);
+    }
+    let mut ahead = Segment::along(geometry, path.state, u);
     // The way from the chord to the arc grows like u².
     for _ in 0..SAGITTA_STEPS {
-        let sagitta = 0.25 * segment.bend.abs().max_element();
+        let sagitta = 0.25 * ahead.0.bend.abs().max_element();
         if sagitta <= follow.sagitta {
             break;
         }
         u *= 0.9 * (follow.sagitta / sagitta).sqrt();
         path.end = End::Arc;
-        segment = Segment::along(geometry, path.state, u);
+        ahead = Segment::along(geometry, path.state, u);
     }
-    path.u_end = u;
-    path.segments += 1;
-    let slack = OVERLAP / segment.direction.length().max(1e-9);
-    Some(segment.extended(if first { 0.0 } else { slack }, slack))
+    (u, Some(ahead))
 }
 
 /// The miss stage: the segment met nothing, so the geodesic moves on to its end and through the face there, which
@@ -201,7 +232,7 @@ pub fn stage_transport<G: Geometry>(
     mut crossed: impl FnMut(usize),
 ) {
     path.travelled += geometry.length(path.state, path.u_end);
-    let state = geometry.advance(path.state, path.u_end);
+    let state = path.ahead;
     match path.end {
         End::Arc => path.state = geometry.restore(state),
         End::Face(face) if path.bounces < bounces => {

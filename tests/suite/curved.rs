@@ -67,7 +67,7 @@ impl Visitor for Arcs {
             if arc == whole {
                 continue;
             }
-            let segment = Segment::along(geometry, g, (arc * self.longer).min(whole));
+            let (segment, _) = Segment::along(geometry, g, (arc * self.longer).min(whole));
             let deviation = (1..32).map(|k| {
                 let c = segment.at(f64::from(k) / 32.0);
                 let nearest = geometry.advance(g, geometry.parameter(g, c)).point;

@@ -40,7 +40,7 @@ fn is_shown<G: Geometry>(geometry: G, p: DVec4) -> bool {
 
 /// Largest distance of a segment's points from the curve.
 fn deviation<G: Geometry>(geometry: G, g: Geodesic, u: f64) -> f64 {
-    let segment = Segment::along(geometry, g, u);
+    let (segment, _) = Segment::along(geometry, g, u);
     let off = |k: u32| {
         let c = segment.at(f64::from(k) / 32.0);
         let p = geometry.unchart(c).expect("a segment lies in the chart");

@@ -126,8 +126,7 @@ impl<const STRAIGHT: bool> Geometry for Sheared<STRAIGHT> {
             return 0.0;
         }
         let cubes = plane.x * SHEAR[1] * (v.y.powi(3) + v.z.powi(3)) / 2.0;
-        let squares = plane.x
-            * (SHEAR[0] * (v.y * v.y + v.z * v.z) + SHEAR[1] * (p.y * v.y * v.y + p.z * v.z * v.z));
+        let squares = plane.x * (SHEAR[0] * (v.y * v.y + v.z * v.z) + SHEAR[1] * (p.y * v.y * v.y + p.z * v.z * v.z));
         let root = (squares * squares - 4.0 * cubes * rate(0.0)).sqrt();
         let turns = [(-squares - root) / (2.0 * cubes), (-squares + root) / (2.0 * cubes), -rate(0.0) / squares];
         let far = reach.min(100.0);
@@ -235,7 +234,7 @@ impl Crossing {
 
     /// The arc's own hit, and the rate of the plane's form along it.
     fn arc_hit(&self) -> (f64, f64) {
-        let arc = Segment::along(SHEARED, self.start, self.h);
+        let (arc, _) = Segment::along(SHEARED, self.start, self.h);
         let s = self.root(|s| self.plane.dot(arc.at(s).extend(1.0)));
         (s * self.h, self.plane.truncate().dot(arc.tangent(s)) / self.h)
     }
