@@ -88,8 +88,8 @@ fn curved_arcs_stay_within_the_tolerance_and_use_it() {
         let median = ratios[ratios.len() / 2];
         println!("{}: {} arcs, median {median:.3} and worst {most:.3} of the tolerance", entry.name, ratios.len());
         assert!(*most <= 1.0 + 1e-6, "{}: an arc is off by {most} tolerances", entry.name);
-        // With the cube of the length: arcs are at least 0.6 of the longest that would do.
-        assert!(median > 0.2, "{}: arcs waste their tolerance: median {median}", entry.name);
+        // The deviation grows with the cube of the length: most arcs are more than half of the longest that would do.
+        assert!(median > 0.125, "{}: arcs waste their tolerance: median {median}", entry.name);
         let spoiled = visit(entry.id, Arcs { longer: 2.0 });
         assert!(spoiled.last().is_some_and(|most| *most > 1.0), "{}: longer arcs pass", entry.name);
     }
