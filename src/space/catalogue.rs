@@ -11,7 +11,7 @@ mod flat;
 mod products;
 
 use super::{Cell, Face, FaceId, Space};
-use crate::geometry::{GeometryId, Isometry};
+use crate::geometry::{GeometryId, Isometry, sl2_trace};
 use glam::{DMat3, DMat4, DVec3, DVec4};
 use std::f64::consts::PI;
 
@@ -126,10 +126,19 @@ pub fn whole(geometry: GeometryId) -> Space {
     let cells = match geometry {
         GeometryId::S3 => eight_cubes::cells(),
         GeometryId::S2xR => products::sphere(false),
+        GeometryId::Sl2Trace => vec![vec![wall()]],
         _ => vec![Vec::new()],
     };
     let cells = cells.into_iter().map(|faces| Cell { faces }).collect();
     Space { name: geometry.name().to_owned(), geometry, cells }
+}
+
+/// A wall in front of the edge x = −1 of the chart, before which walks would take ever shorter steps. What passes it is
+/// taken further out, so that a walk ends there.
+fn wall() -> Face {
+    const BEFORE: f64 = 0.01;
+    let outwards = sl2_trace::translation(DVec3::new(-0.1, 0.0, 0.0));
+    Face { plane: DVec4::new(-1.0, 0.0, 0.0, BEFORE - 1.0), pairing: outwards, partner: FaceId { cell: 0, face: 0 } }
 }
 
 /// Unit cube `[0, 1]³`, faces `x = 1, x = 0, y = 1, …`, unit translations.

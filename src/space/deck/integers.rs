@@ -8,7 +8,7 @@
 //! of most hyperbolic spaces, has dense orbits in R⁴: then vectors without end get shorter, and there is no lattice.
 
 use crate::{
-    geometry::{Geometry, Isometry},
+    geometry::{Geodesic, Geometry, Isometry, exponential},
     space::domain::DomainFace,
 };
 use glam::{DMat4, DVec4};
@@ -65,11 +65,13 @@ impl Lattice {
     /// The lattice that pairings keep, if there is one.
     pub fn new<G: Geometry>(geometry: G, faces: &[DomainFace]) -> Option<Self> {
         let pairings: Vec<&Isometry> = faces.iter().map(|face| &face.pairing).collect();
-        let first = pairings.first()?;
-        // Isometries must be their matrices, and their composition the product.
+        // Isometries must move points as their matrices do.
+        let witnesses = witnesses(geometry);
         let plain = |m: &&Isometry| {
-            let product = geometry.compose(first, m);
-            m.shift == DVec4::ZERO && product == Isometry::linear(first.linear * m.linear)
+            witnesses.iter().all(|&point| {
+                let image = geometry.apply(m, Geodesic { point, velocity: DVec4::ZERO }).point;
+                (image - m.linear * point).abs().max_element() <= WHOLE * (1.0 + image.abs().max_element())
+            })
         };
         if !pairings.iter().all(plain) {
             return None;
@@ -111,6 +113,14 @@ impl Lattice {
     pub fn word(&self, faces: impl IntoIterator<Item = usize>) -> Option<Integers> {
         faces.into_iter().try_fold(Integers::IDENTITY, |element, face| self.pairings[face].after(&element))
     }
+}
+
+/// Points in general position about the base point.
+fn witnesses<G: Geometry>(geometry: G) -> [DVec4; 6] {
+    let base = geometry.base();
+    let [x, y, z] = geometry.frame(base);
+    let steps = [[0.3, 0.1, 0.2], [-0.2, 0.3, 0.1], [0.1, -0.3, 0.2], [0.2, 0.2, -0.3], [-0.1, -0.2, -0.2], [0.4, -0.1, 0.1]];
+    steps.map(|[a, b, c]| exponential(geometry, base, x * a + y * b + z * c))
 }
 
 /// Four independent vectors of the orbit.
