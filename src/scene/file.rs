@@ -189,8 +189,17 @@ fn space(mut table: Table, folder: &Folder) -> Result<Space, SceneError> {
 const OBSERVER_KEYS: &[&str] = &["position", "cell", "look", "up", "fov", "eye-distance", "path"];
 const LIGHT_KEYS: &[&str] =
     &["kind", "position", "cell", "color", "intensity", "range", "shadows", "direction", "angle"];
-const MATERIAL_KEYS: &[&str] =
-    &["name", "color", "metallic", "roughness", "emission", "alpha-cutoff", "texture", "surface-texture", "coordinates"];
+const MATERIAL_KEYS: &[&str] = &[
+    "name",
+    "color",
+    "metallic",
+    "roughness",
+    "emission",
+    "alpha-cutoff",
+    "texture",
+    "surface-texture",
+    "coordinates",
+];
 const RENDER_KEYS: &[&str] = &["bounces", "max-distance", "fog", "background", "ambient", "shading", "tolerance"];
 
 /// Ranges of the chart's x, y and z over which red, green and blue go from 0 to 1.

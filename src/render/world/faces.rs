@@ -83,8 +83,7 @@ impl<G: Geometry> Builder<'_, G> {
         };
         // Whole faces have all inner points in the centre, and so no second triangle.
         let triangles = (0..count).flat_map(|i| quad(i).into_iter().take(if width < 1.0 { 2 } else { 1 }));
-        let triangle =
-            |corners: [u32; 3]| RestTriangle { corners, uv: corners.map(|v| uv[v as usize]), material };
+        let triangle = |corners: [u32; 3]| RestTriangle { corners, uv: corners.map(|v| uv[v as usize]), material };
         let triangles = triangles.map(triangle).collect();
         let frame = Frame { cell, point: geometry.base(), axes: geometry.frame(geometry.base()) };
         Some(RestMesh { object: index as u32, frame, vertices, triangles })

@@ -227,9 +227,7 @@ fn middles<G: Geometry>(
             .enumerate()
             .flat_map(|(side, marks)| marks.iter().map(move |mark| (side, *mark)))
             .collect();
-        let start = (0..flat.len()).find(|&i| {
-            flat[i].1.corner == from && flat[(i + 1) % flat.len()].1.corner == to
-        })?;
+        let start = (0..flat.len()).find(|&i| flat[i].1.corner == from && flat[(i + 1) % flat.len()].1.corner == to)?;
         let ((side, mark), (next_side, next)) = (flat[start], flat[(start + 1) % flat.len()]);
         let end = if next_side == side && next.at > mark.at { next.at } else { 1.0 };
         Some((&parts[face].outline[side], 0.5 * (mark.at + end)))

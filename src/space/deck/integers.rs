@@ -119,7 +119,8 @@ impl Lattice {
 fn witnesses<G: Geometry>(geometry: G) -> [DVec4; 6] {
     let base = geometry.base();
     let [x, y, z] = geometry.frame(base);
-    let steps = [[0.3, 0.1, 0.2], [-0.2, 0.3, 0.1], [0.1, -0.3, 0.2], [0.2, 0.2, -0.3], [-0.1, -0.2, -0.2], [0.4, -0.1, 0.1]];
+    let steps =
+        [[0.3, 0.1, 0.2], [-0.2, 0.3, 0.1], [0.1, -0.3, 0.2], [0.2, 0.2, -0.3], [-0.1, -0.2, -0.2], [0.4, -0.1, 0.1]];
     steps.map(|[a, b, c]| exponential(geometry, base, x * a + y * b + z * c))
 }
 
