@@ -176,6 +176,9 @@ fn spaces_whole_geometry_has_nothing_to_check() {
         let error = check(&space).expect_err("nothing is glued");
         assert_names(&error, "cell 0 has no faces: it is the whole geometry");
     }
+    let sphere = catalogue::whole(GeometryId::from_name("s2xr").expect("a geometry"));
+    assert_eq!(sphere.cells.len(), 6, "a chart shows a hemisphere");
+    assert_names(&check(&sphere).expect_err("it has no end"), "cell 0: the cell is not bounded");
 }
 
 #[test]

@@ -21,8 +21,8 @@ const SHARED: f64 = 1e-3;
 /// Vectors of the orbit that are looked at for four independent ones.
 const MAX_VECTORS: usize = 256;
 
-/// Four vectors of this volume, in units of their lengths, are independent.
-const INDEPENDENT: f64 = 1e-6;
+/// A vector with such a share outside of the span of others is independent of them.
+const INDEPENDENT: f64 = 1e-3;
 
 /// Times that a basis is made finer. Each halves its volume at least.
 const MAX_REFINEMENTS: usize = 24;
@@ -128,25 +128,23 @@ fn witnesses<G: Geometry>(geometry: G) -> [DVec4; 6] {
 fn independent(base: DVec4, pairings: &[&Isometry]) -> Option<DMat4> {
     let mut orbit = vec![base];
     let mut next = 0;
-    while next < orbit.len() && orbit.len() < MAX_VECTORS {
-        for m in pairings {
-            let image = m.linear * orbit[next];
-            if orbit.iter().all(|v| (*v - image).abs().max_element() > WHOLE * (1.0 + image.abs().max_element())) {
-                orbit.push(image);
-            }
-        }
-        next += 1;
-    }
     // Gram–Schmidt keeps what each vector has outside of those before it.
     let (mut chosen, mut normals): (Vec<DVec4>, Vec<DVec4>) = (Vec::new(), Vec::new());
-    for v in orbit {
+    while let Some(&v) = orbit.get(next) {
+        next += 1;
         let rest = normals.iter().fold(v, |rest, n| rest - *n * n.dot(rest));
-        if rest.length() > INDEPENDENT.sqrt() * v.length() {
+        if rest.length() > INDEPENDENT * v.length() {
             chosen.push(v);
             normals.push(rest.normalize());
         }
         if let [a, b, c, d] = chosen[..] {
             return Some(DMat4::from_cols(a, b, c, d));
+        }
+        for image in pairings.iter().map(|m| m.linear * v) {
+            let near = WHOLE * (1.0 + image.abs().max_element());
+            if orbit.len() < MAX_VECTORS && orbit.iter().all(|v| (*v - image).abs().max_element() > near) {
+                orbit.push(image);
+            }
         }
     }
     None
