@@ -612,7 +612,7 @@ fn faces_grids_and_coordinates_are_read() {
         coordinates("[[0, 1]]"),
         "my.toml:5:15: coordinates: expected an array of 3 ranges [from, to], found an array of 1"
     );
-    assert_eq!(coordinates("[[0, 1], [2, 2], [0, 1]]"), "my.toml:5:24: coordinates: the range is empty");
+    assert_eq!(coordinates("[[0, 1], [2, 2], [0, 1]]"), "my.toml:5:24: coordinates[1]: the range is empty");
     let object = |lines: &str| refuse(&format!("[[material]]\nname = \"m\"\n[[object]]\nmaterial = \"m\"\n{lines}"));
     assert_eq!(
         object("kind = \"grid\"\nlower = [0, 2, 0]\nupper = [1, 1, 1]\nlines = [1, 1, 1]\nradius = 0.1\n"),
@@ -620,7 +620,7 @@ fn faces_grids_and_coordinates_are_read() {
     );
     assert!(
         object("kind = \"grid\"\nlower = [0, 0, 0]\nupper = [1, 1, 1]\nlines = [1, 99, 1]\nradius = 0.1\n")
-            .starts_with("my.toml:10:13: lines: 99 is out of range")
+            .starts_with("my.toml:10:13: lines[1]: 99 is out of range")
     );
     assert_eq!(
         object("kind = \"domain-faces\"\nmotion = { velocity = [1, 0, 0] }\n"),

@@ -337,7 +337,7 @@ fn spaces_relations_and_reductions_are_those_of_the_reference() {
                 visit(space.geometry, words)
             };
             let off = deviation(one_way).min(deviation(vec![9; turns]));
-            assert!(off < 1e-12, "{name}: the relation is off by {off}");
+            assert!(off < 1e-10, "{name}: the relation is off by {off}");
             assert!(deviation(vec![]) > 1e-6, "{name}: the relation lifts to no turn at all");
         }
         let reduced = (0..200).map(|_| {
@@ -388,21 +388,19 @@ fn spaces_damaged_bundles_are_caught() {
             assert_names(&shifted, "face ");
         }
     }
-    // Turns of the fibre that do not divide the Euler number.
-    let error = damaged("sl2-genus2-tangent", |f| {
+    // With two turns of the fibre in a cell the relation makes one round of it, and with three none that closes.
+    let several = |turns: f64| {
+        let mut space = catalogue::find("sl2-genus2-tangent").expect("space");
         for (face, sign) in [(8, 1.0), (9, -1.0)] {
-            f[face].plane.w = -0.6 * PI;
-            f[face].pairing.shift.z = -sign * 1.2 * PI;
+            space.cells[0].faces[face].plane.w = -turns * PI;
+            space.cells[0].faces[face].pairing.shift.z = -sign * turns * TAU;
         }
-    });
-    assert_names(&error, "face ");
-    // Half a turn is a quarter of it: the circle bundle of twice the Euler number.
-    let mut half = catalogue::find("sl2-genus2-tangent").expect("space");
-    for (face, sign) in [(8, 1.0), (9, -1.0)] {
-        half.cells[0].faces[face].plane.w = -0.5 * PI;
-        half.cells[0].faces[face].pairing.shift.z = -sign * PI;
-    }
-    assert_eq!(check(&half).expect("closes").homology, [4, 0, 0, 0, 0]);
+        check(&space)
+    };
+    let two = several(2.0).expect("it closes");
+    assert_eq!(two.homology, [0; 4]);
+    assert!((two.volume / (16.0 * PI * PI) - 1.0).abs() < 1e-12);
+    assert_names(&several(3.0).expect_err("the relation does not close"), "face");
 }
 
 #[test]
