@@ -125,7 +125,7 @@ struct Glued<'a, G> {
 
 fn check_in<G: Geometry>(geometry: G, space: &Space) -> Result<Report, CheckError> {
     let shapes = faces::shapes(geometry, space)?;
-    let (volume, volume_error) = volume::volume(geometry, &shapes);
+    let cells = shapes.clone();
     let faces = space.faces().count();
     let residual = faces::pairings(geometry, space)?;
     let whole = faces::corner_images(geometry, space, &shapes);
@@ -161,6 +161,7 @@ fn check_in<G: Geometry>(geometry: G, space: &Space) -> Result<Report, CheckErro
         }
     }
 
+    let (volume, volume_error) = volume::volume(geometry, &cells);
     let face_classes = space.faces().filter(|(id, face)| *id <= face.partner).count();
     Ok(Report {
         geometry: space.geometry.name(),

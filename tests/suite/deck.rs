@@ -167,7 +167,8 @@ impl Visitor for Far<'_> {
     type Output = [bool; 2];
     fn visit<G: Geometry>(self, geometry: G) -> Self::Output {
         let mut elements = Elements::new(geometry, self.domain, 0);
-        let out = std::iter::repeat_n(1, self.steps).chain(std::iter::repeat_n(3, self.steps));
+        // First along y, then along x, which shears the way along y into the fibre.
+        let out = std::iter::repeat_n(3, self.steps).chain(std::iter::repeat_n(1, self.steps));
         let far = out.fold(0, |at, face| elements.cross(self.domain, at, face).0);
         // x y x⁻¹ y⁻¹, and back along the fibre.
         let ring = [1, 3, 0, 2].iter().fold(far, |at, face| elements.cross(self.domain, at, *face).0);

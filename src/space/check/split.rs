@@ -119,10 +119,10 @@ fn parts_of<G: Geometry>(geometry: G, space: &Space, shapes: &[Polyhedron], id: 
                 }
             }
         }
-    }
-    // The first product tried is the face's own pairing.
-    if !parts.first().is_some_and(|part| part.onto == face.partner && products[0].1 == part.pairing) {
-        return None;
+        // The first product tried is the face's own pairing.
+        if next == 1 && parts.first().is_none_or(|part| part.onto != face.partner) {
+            return None;
+        }
     }
     let covered: f64 = parts.iter().map(|part| area(geometry, &part.outline)).sum::<Option<f64>>()?;
     ((covered / area(geometry, &whole)? - 1.0).abs() < TOLERANCE).then_some(parts)
