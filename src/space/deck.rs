@@ -27,18 +27,14 @@ pub struct Element {
     pub integers: Option<Integers>,
 }
 
-/// By what an element is recognised.
-#[derive(PartialEq, Eq, Hash)]
-enum Mark {
-    Integers(Integers),
-    Place([i64; 4]),
-}
-
 /// Set of elements that grows by crossing faces.
 pub struct Elements<G> {
     geometry: G,
     witness: Geodesic,
-    known: HashMap<(usize, Mark), usize>,
+    /// Elements by their integers.
+    exact: HashMap<(usize, Integers), usize>,
+    /// The others by the image of the witness.
+    known: HashMap<(usize, [i64; 4]), usize>,
     /// All elements found, the identity first.
     pub list: Vec<Element>,
 }
@@ -52,7 +48,7 @@ impl<G: Geometry> Elements<G> {
         let direction = axes[0] * 0.632_455_1 + axes[1] * 0.591_607_9 + axes[2] * 0.5;
         let velocity = direction / geometry.norm(base, direction);
         let witness = geometry.flow(Geodesic { point: base, velocity }, 0.012_345_67);
-        let mut elements = Self { geometry, witness, known: HashMap::new(), list: Vec::new() };
+        let mut elements = Self { geometry, witness, exact: HashMap::new(), known: HashMap::new(), list: Vec::new() };
         let integers = domain.lattice.as_ref().map(|_| Integers::IDENTITY);
         elements.insert(Element { cell, isometry: Isometry::IDENTITY, integers });
         elements
@@ -71,7 +67,7 @@ impl<G: Geometry> Elements<G> {
     fn insert(&mut self, element: Element) -> (usize, bool) {
         if let Some(integers) = element.integers {
             let next = self.list.len();
-            let known = *self.known.entry((element.cell, Mark::Integers(integers))).or_insert(next);
+            let known = *self.exact.entry((element.cell, integers)).or_insert(next);
             if known == next {
                 self.list.push(element);
             }
@@ -85,12 +81,12 @@ impl<G: Geometry> Elements<G> {
         let (low, high) = ((scaled - 0.01).floor().to_array(), (scaled + 0.01).floor().to_array());
         for corner in 0..16_u32 {
             let key = std::array::from_fn(|i| if corner & (1 << i) == 0 { low[i] } else { high[i] } as i64);
-            if let Some(&known) = self.known.get(&(element.cell, Mark::Place(key))) {
+            if let Some(&known) = self.known.get(&(element.cell, key)) {
                 return (known, false);
             }
         }
         let index = self.list.len();
-        self.known.insert((element.cell, Mark::Place(scaled.floor().to_array().map(|x| x as i64))), index);
+        self.known.insert((element.cell, scaled.floor().to_array().map(|x| x as i64)), index);
         self.list.push(element);
         (index, true)
     }
