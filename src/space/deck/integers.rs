@@ -3,8 +3,8 @@
 //! Where isometries act on points by matrices, and the deck group keeps a lattice of R⁴, pairings are matrices of integers
 //! in a basis of that lattice, and products of any number of them are exact. The lattice is the one that the orbit of the
 //! base point spans: in the coordinates (x, y, z, 1) of flat spaces it comes from their translations; for the integer
-//! Heisenberg group it is Z⁴; for a torus bundle with the eigenvalues φ^{±2} of Sol it is a module of rank two over Z[φ]
-//! next to the heights and the ones, and pairs of integers are numbers of Z[φ]. A group without such a lattice, as those
+//! Heisenberg group it is Z⁴; for a torus bundle with the eigenvalues φ^{±2} of Sol it is a module of rank two over `Z[φ]`
+//! next to the heights and the ones, and pairs of integers are numbers of `Z[φ]`. A group without such a lattice, as those
 //! of most hyperbolic spaces, has dense orbits in R⁴: then vectors without end get shorter, and there is no lattice.
 
 use crate::{
