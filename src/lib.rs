@@ -72,6 +72,7 @@
 
 pub mod cli;
 pub mod geometry;
+pub mod measure;
 pub mod render;
 pub mod scene;
 pub mod shader_io;

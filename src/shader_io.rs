@@ -283,7 +283,29 @@ structures! {
         op: uint,
     }
 
-    /// Its result.
+    /// A ray that meets nothing, between two pieces of its walk through the faces.
+    struct Walk {
+        /// Where it is, in the cell's coordinates.
+        point: vec4,
+        /// Unit tangent vector there.
+        velocity: vec4,
+        /// Geodesic length so far.
+        travelled: float,
+        /// The cell.
+        cell: uint,
+        /// Faces passed.
+        bounces: uint,
+        /// Segments begun.
+        segments: uint,
+        /// Deck element of the cell, or [`NONE`].
+        label: uint,
+        /// The piece ends when so many faces are passed.
+        until: uint,
+        /// 1 if no pairing brings it back into the domain, or no face ends it.
+        lost: uint,
+    }
+
+    /// The result of a [`ProbeIn`].
     struct ProbeOut {
         /// First result.
         a: vec4,
@@ -573,6 +595,10 @@ bindings! {
     21 placed: writeonly Triangle;
     /// Their shading data, to be written.
     22 placed_shading: writeonly TriangleShading;
+    /// Rays walked without a scene.
+    23 walks: restrict Walk;
+    /// The faces that each of them passes: as many for each as there is room for.
+    24 passages: writeonly uint;
 }
 
 /// Text of `shared/io.glsl`.

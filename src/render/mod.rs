@@ -163,6 +163,11 @@ impl Shot {
     }
 }
 
+/// Size of a picture of so many views of this size, one beside the other.
+pub fn side_by_side(view: [u32; 2], views: u32) -> [u32; 2] {
+    [view[0] * views, view[1]]
+}
+
 /// A picture: linear RGBA, or a raw value in all of RGB; rows from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Target {

@@ -7,12 +7,10 @@
 //! their surface and the line together, where a hyperbolic cell with large pairings repeats the rounding of their
 //! entries at every face; in Nil an error in the plane is multiplied by the plane's extent in the fibre.
 
-use crate::{
-    big::{Big, Big4, BigGeodesic, Classical, Model, Nil, Product, distance},
-    support::{self, Random},
-};
+use crate::support::{self, Random};
 use holonomy::{
     geometry::{Geodesic, Geometry, Visitor, visit},
+    measure::reference::{Big, Big4, BigGeodesic, Classical, Model, Nil, Product, distance},
     space::{
         Space, catalogue,
         domain::Domain,
