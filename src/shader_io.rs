@@ -366,7 +366,7 @@ numbers! {
     ON_FACE: float = 2e-6;
     /// f32 counterpart of `geometry::ALONG_FACE`.
     ALONG_FACE: float = 1e-6;
-    /// Shadow rays start this far along the surface normal, in units of length.
+    /// Shadow rays start this far along the surface normal, and end as far before the light, in units of length.
     SHADOW_OFFSET: float = 5e-4;
     /// Segments reach this far beyond both ends, in chart units, so that a surface that passes through a face is
     /// met by the segment before the face or by the one behind it whatever the rounding.

@@ -216,6 +216,9 @@ struct StabilityArgs {
     /// Print the report as JSON.
     #[arg(long)]
     json: bool,
+    /// Add this to every error, to see that it is caught.
+    #[arg(long, value_name = "E", default_value_t = 0.0, value_parser = parse_finite)]
+    spoil: f64,
 }
 
 /// Where a geodesic starts and how long it is.

@@ -1,7 +1,7 @@
 //! `holonomy stability`: every stiff and extreme case, with error, floor and verdict.
 
 use super::{BackendChoice, Failure, Outcome, StabilityArgs, output::PendingFile, print_line, render::Progress};
-use crate::measure::stability::{self, Bench, Case, Line, On, Verdict};
+use crate::measure::stability::{self, Bench, Case, Line, On, Reading, Verdict};
 use anyhow::anyhow;
 use serde_json::{Value, json};
 use std::{fmt::Write as _, io::stdout};
@@ -26,7 +26,8 @@ pub(super) fn run(args: &StabilityArgs) -> Outcome {
         return Err(Failure::failed(anyhow!("{}: {reason}", on.name())));
     }
     let progress = Progress::new();
-    let lines = stability::run(&cases, &mut bench, |_, _, _| (), |share| progress.set(share));
+    let spoil = |_: &Case, _: On, reading: &mut Reading| reading.error += args.spoil;
+    let lines = stability::run(&cases, &mut bench, spoil, |share| progress.set(share));
     progress.finish();
     let report = report(&cases, &bench, &lines);
     if let Some(file) = file {

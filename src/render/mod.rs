@@ -157,9 +157,10 @@ impl Shot {
         }
     }
 
-    /// The tolerance of chords as an angle seen from the eye: a share of a pixel.
+    /// The tolerance of chords as an angle seen from the eye: a share of a pixel, of which the picture has so many in its
+    /// field of view. (In a picture of 179° the pixel in the middle is 80° high, but those at the border are tiny.)
     pub fn chord_tolerance(&self, share_of_pixel: f64) -> f64 {
-        share_of_pixel * (self.tangents[3] - self.tangents[2]) / f64::from(self.size[1])
+        share_of_pixel * (self.tangents[3].atan() - self.tangents[2].atan()) / f64::from(self.size[1])
     }
 }
 

@@ -21,3 +21,14 @@ fn reference_numbers_hold_fifty_digits() {
     assert!((&(&(&s * &s) + &(&c * &c)) - &Big::new(1.0)).to_f64().abs() < 1e-55);
     assert!((s.to_f64() - 0.826_879_540_532_003).abs() < 1e-15);
 }
+
+#[test]
+fn reference_numbers_are_what_they_are_made_from() {
+    for (x, text) in [(1e-310, "1e-310"), (f64::from_bits(1), "4.9406564584124654e-324"), (-1.5e-320, "-1.5e-320")] {
+        let off = &Big::new(x) - &Big::parse(text);
+        // Subnormal numbers have few digits; half of the last one is 2.5e-324.
+        let scaled = &off * &Big::parse("1e324");
+        assert!(scaled.to_f64().abs() < 2.5, "{x:e}: {scaled:?}");
+        assert_eq!(Big::new(x).to_f64(), x);
+    }
+}

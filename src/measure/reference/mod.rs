@@ -34,8 +34,12 @@ fn with_constants(f: impl FnOnce(&mut Consts) -> BigFloat) -> Big {
 pub struct Big(BigFloat);
 
 impl Big {
-    /// Exactly `x`.
+    /// Exactly `x`. Subnormal numbers are scaled before they are read: astro-float takes their leading zeros for digits.
     pub fn new(x: f64) -> Self {
+        const UP: f64 = 1.329_227_995_784_916e36; // 2^120
+        if x != 0.0 && x.is_finite() && x.abs() < f64::MIN_POSITIVE {
+            return &Self::new(x * UP) / &Self::new(UP);
+        }
         Self(BigFloat::from_f64(x, BITS))
     }
 

@@ -4,7 +4,10 @@ use super::{
     Bench, Case, Family, NUMBERS, On, Reading, Trouble,
     geodesic::{Start, ends, is_indefinite},
 };
-use crate::geometry::{GEOMETRIES, GeometryError, GeometryId};
+use crate::{
+    geometry::{GEOMETRIES, GeometryError, GeometryId},
+    measure::reference::{Big, model},
+};
 use std::f64::consts::FRAC_PI_2;
 
 /// What is expected of a start.
@@ -12,7 +15,6 @@ use std::f64::consts::FRAC_PI_2;
 enum Expected {
     Answer,
     Edge,
-    Range,
     Direction,
     Point,
 }
@@ -21,7 +23,7 @@ fn is_as_expected(result: &Result<crate::geometry::Geodesic, GeometryError>, exp
     match result {
         Ok(end) => expected == Expected::Answer && end.point.is_finite() && end.velocity.is_finite(),
         Err(GeometryError::Edge { .. }) => expected == Expected::Edge,
-        Err(GeometryError::OutOfRange { .. }) => expected == Expected::Range,
+        Err(GeometryError::OutOfRange { .. }) => false,
         Err(GeometryError::NoDirection(_)) => expected == Expected::Direction,
         Err(GeometryError::NotAPoint(..)) => expected == Expected::Point,
     }
@@ -60,10 +62,15 @@ pub(super) fn cases() -> Vec<Case> {
             let on_edge = Start { from: [-1.0, 0.0, 0.0, 0.0], direction: [1.0, 0.0, 0.0, 0.0], length: 0.0 };
             list("a start on the edge", vec![(on_edge, Expected::Point)]);
         }
-        // A length that no number reaches the end of, where lengths are exponents.
-        if grows(id) {
-            let v = [1.0, 0.0, 0.0, 0.0];
-            list("beyond all numbers", [1e4, -1e4, 1e9].into_iter().map(|t| (start(v, t), Expected::Range)).collect());
+        let range = Family { quantity: "refusals of what numbers hold, or answers of what they do not", ..family };
+        for (what, direction) in [("along an axis", [1.0, 0.0, 0.0, 0.0]), ("slanted", [1e-3, 0.2, 1.0, 0.0])] {
+            let mut lengths = vec![20.0, 50.0, -59.0, 95.0, -150.0];
+            if grows(id) {
+                lengths.extend([300.0, 700.0, -720.0, 1e4]);
+            }
+            let starts: Vec<Start> = lengths.into_iter().map(|t| start(direction, t)).collect();
+            let what = format!("to the end of the numbers {what}");
+            cases.push(range.case(entry.name, what, move |bench, on| in_range(bench, on, id, &starts)));
         }
     }
     cases
@@ -71,11 +78,32 @@ pub(super) fn cases() -> Vec<Case> {
 
 /// Whether coordinates grow like e^t along the first axis.
 fn grows(id: GeometryId) -> bool {
-    let start = Start { from: [0.0, 0.0, 0.0, 1.0], direction: [1.0, 0.0, 0.0, 0.0], length: 20.0 };
-    let Some(model) = crate::measure::reference::model(id) else { return false };
-    let from = if id.components() == 4 { start.from } else { [0.0; 4] };
-    let end = model.flow(&model.settle(from, start.direction), &crate::measure::reference::Big::new(start.length));
-    end.point[0].to_f64().abs() > 1e3
+    let from = if id.components() == 4 { [0.0, 0.0, 0.0, 1.0] } else { [0.0; 4] };
+    model(id).is_some_and(|model| {
+        let end = model.flow(&model.settle(from, [1.0, 0.0, 0.0, 0.0]), &Big::new(20.0));
+        end.point[0].to_f64().abs() > 1e3
+    })
+}
+
+/// Where the reference says that coordinates are well within the numbers used they must be given, and where it says that
+/// they are not they must be refused.
+fn in_range(bench: &mut Bench, on: On, id: GeometryId, starts: &[Start]) -> Result<Reading, Trouble> {
+    let model = model(id).ok_or_else(|| Trouble(String::from("no reference")))?;
+    let ends = ends(bench, on, id, starts)?;
+    let (held, most) = if on == On::Cpu { (1e300, f64::MAX) } else { (1e30, f64::from(f32::MAX)) };
+    let mut wrong = 0;
+    for (start, end) in starts.iter().zip(ends) {
+        let exact = model.flow(&model.settle(start.from, start.direction), &Big::new(start.length));
+        let size = exact.point[..model.components()[0]].iter().map(|x| x.to_f64().abs()).fold(0.0, f64::max);
+        let right = match end {
+            Ok(end) => size <= most && end.point.is_finite() && end.velocity.is_finite(),
+            // On the way there exponentials of twice the length may stand in between.
+            Err(GeometryError::OutOfRange { .. }) => size >= held || start.length.abs() > 60.0,
+            Err(_) => false,
+        };
+        wrong += u8::from(!right);
+    }
+    Ok(Reading::new(wrong.into(), 0.0))
 }
 
 fn judge(bench: &mut Bench, on: On, id: GeometryId, starts: &[(Start, Expected)]) -> Result<Reading, Trouble> {

@@ -27,6 +27,7 @@ mod light;
 mod observer;
 mod picture;
 mod scale;
+mod scene;
 mod view;
 mod walk;
 
@@ -198,6 +199,7 @@ pub fn cases() -> Vec<Case> {
         observer::cases(),
         view::cases(),
         scale::cases(),
+        scene::cases(),
     ]
     .into_iter()
     .flatten()

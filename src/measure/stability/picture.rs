@@ -4,7 +4,7 @@ use super::{Bench, On, Reading, Trouble};
 use crate::{
     geometry::{Geodesic, Geometry, Visitor, across, orthonormalise, visit},
     render::{Shot, Stats, Target},
-    scene::{Material, Object, Place, PointLight, Scene, Shading, Shape, file, folder::Folder},
+    scene::{Object, Place, PointLight, Scene, Shading, Shape, file, folder::Folder},
     shader_io::COUNT_LOST,
     space::{Space, observer::Frame, polyhedron::Polyhedron},
 };
@@ -13,8 +13,9 @@ use glam::{DVec3, DVec4};
 /// Size of the pictures.
 pub(super) const SIZE: [u32; 2] = [48, 36];
 
-/// Faces that rays pass: more would part neighbours in hyperbolic spaces.
-const BOUNCES: u32 = 4;
+/// Where rays end, in units of the distance of the cell's corners: farther on neighbours part in hyperbolic spaces. Not
+/// after a number of faces, which differs from one side of an edge to the other.
+const REACH: f64 = 2.0;
 
 /// Colour where nothing is seen, so that no pixel is black.
 const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
@@ -22,13 +23,18 @@ const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
 /// Share of the pixels that may be off: outlines of three pixels in a row.
 const SHARE: f64 = 0.005;
 
-/// A ball in the middle of the first cell, seen by a light at the viewer, and a light somewhere.
-pub(super) fn scene(space: &Space, light: Option<DVec4>) -> Result<Scene, Trouble> {
+/// A space with a light at the viewer and a material.
+pub(super) fn bare(space: &Space) -> Result<Scene, Trouble> {
     let text = format!(
         "[space]\n{}\n[[light]]\nkind = \"viewer\"\nintensity = 0.5\n[[material]]\nname = \"m\"\ncolor = [0.7, 0.6, 0.4]\n",
         named(space)
     );
-    let mut scene = file::read("stability.toml", text.as_bytes(), &Folder::Embedded)?;
+    Ok(file::read("stability.toml", text.as_bytes(), &Folder::Embedded)?)
+}
+
+/// A ball in the middle of the first cell, seen by a light at the viewer, and a light somewhere.
+pub(super) fn scene(space: &Space, light: Option<DVec4>) -> Result<Scene, Trouble> {
+    let mut scene = bare(space)?;
     let ball = visit(space.geometry, Middle(space)).ok_or_else(|| Trouble(String::from("the cell has no middle")))?;
     scene.objects.push(Object {
         name: String::from("ball"),
@@ -38,20 +44,18 @@ pub(super) fn scene(space: &Space, light: Option<DVec4>) -> Result<Scene, Troubl
         material: Some(0),
         motion: None,
     });
-    if scene.materials.is_empty() {
-        scene.materials.push(Material::plain("m", [0.7, 0.6, 0.4]));
-    }
     // A light in any case, so that all pictures of a space share a pipeline.
     scene.lights.push(PointLight {
         cell: 0,
         point: light.unwrap_or(ball.aside),
         color: [2.0; 3],
-        range: 1.5 * ball.reach,
+        range: 2.0 * ball.inradius,
         shadows: true,
         spot: None,
     });
     scene.observer.frame = ball.frame;
-    scene.settings.bounces = BOUNCES;
+    scene.settings.bounces = 64;
+    scene.settings.max_distance = Some(REACH * ball.reach);
     scene.settings.background = BACKGROUND;
     scene.settings.ambient = [0.2; 3];
     scene.settings.shading = Shading::Riemannian;

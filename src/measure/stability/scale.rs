@@ -8,7 +8,7 @@ use crate::{
     geometry::{GEOMETRIES, Geometry, GeometryId, Visitor, visit},
     measure::stability::picture::SIZE,
     render::{Shot, Target, plan::Plan, world::World},
-    scene::{Mesh, Object, Place, Scene, Shading, Vertex},
+    scene::{Mesh, Object, Place, Scene, Shading, Shape, Vertex},
     space::{Space, catalogue, observer::Frame},
 };
 use glam::DVec3;
@@ -53,9 +53,10 @@ pub(super) fn cases() -> Vec<Case> {
             let middle = middle.ok_or_else(|| Trouble(String::from("no middle")))?;
             octahedron(bench, on, &place, middle, Octahedron { stored: 1.0, scale: 1e-3, size: 1e-3 })
         }));
-        let refused = Family { name: "mesh-too-large", quantity: "meshes drawn that fill the space", on: super::HOST };
-        cases.push(refused.case(&space.name.clone(), "size 1e6 is refused", move |_, _| {
-            let scene = scene(&space, base(&space), Octahedron { stored: 1.0, scale: 1e6, size: 1e6 })?;
+        let refused = Family { name: "too-large", quantity: "objects drawn that fill the space", on: super::HOST };
+        cases.push(refused.case(&space.name.clone(), "a ball of radius 900 is refused", move |_, _| {
+            let mut scene = picture::scene(&space, None)?;
+            scene.objects.iter_mut().for_each(|object| object.shape = Shape::Ball { radius: 900.0 });
             let world = World::new(&scene, &Plan::new(&scene, false), scene.observer.frame);
             Ok(Reading::new(f64::from(u8::from(world.is_ok())), 0.0))
         }));
@@ -83,14 +84,14 @@ struct Octahedron {
 }
 
 fn scene(space: &Space, middle: Frame, solid: Octahedron) -> Result<Scene, Trouble> {
-    let mut scene = picture::scene(space, None)?;
+    let mut scene = picture::bare(space)?;
     let corners = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis, -axis]);
     let vertices = corners.map(|axis| Vertex { position: axis * solid.stored, normal: axis, uv: [0.0; 2] }).collect();
     let triangles = (0..8_u32).map(|i| ([i & 1, 2 + (i >> 1 & 1), 4 + (i >> 2 & 1)], 0)).collect();
     scene.meshes.push(Mesh { name: String::from("octahedron"), vertices, triangles });
     scene.objects = vec![Object {
         name: String::from("octahedron"),
-        shape: crate::scene::Shape::Mesh(0),
+        shape: Shape::Mesh(0),
         place: Place::World(middle),
         scale: solid.scale,
         material: Some(0),

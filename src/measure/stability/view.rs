@@ -11,12 +11,15 @@ use crate::{
     render::{Shot, world::tessellate::DEVIATION},
     scene::{Scene, Shading, Shape},
     shader_io::COUNT_LOST,
-    space::{Space, observer::Frame, polyhedron::Polyhedron},
+    space::{Space, observer::Frame, polyhedron::Polyhedron, walk::deviation_at},
 };
 use glam::DVec3;
 
 /// How far beside, as a share of the way to the middle of the cell.
 const HAIR: f64 = 1e-5;
+
+/// Tolerance of chords inside of the ball, as a share of a pixel.
+const TOLERANCE: f64 = 0.02;
 
 #[derive(Clone, Copy)]
 enum Spot {
@@ -84,6 +87,7 @@ fn at_spot(bench: &mut Bench, on: On, space: &Space, spot: Spot) -> Result<Readi
 fn inside_ball(bench: &mut Bench, on: On, space: &Space, fov: f64) -> Result<Reading, Trouble> {
     let mut scene = picture::scene(space, None)?;
     scene.settings.shading = Shading::Distance;
+    scene.settings.tolerance = TOLERANCE;
     let middle = visit(space.geometry, Middle(space)).ok_or_else(|| Trouble(String::from("no middle")))?;
     let radius = 0.4 * middle.inradius;
     scene.objects.iter_mut().for_each(|object| object.shape = Shape::Ball { radius });
@@ -95,7 +99,12 @@ fn inside_ball(bench: &mut Bench, on: On, space: &Space, fov: f64) -> Result<Rea
     }
     let off = target.pixels.iter().map(|pixel| (f64::from(pixel[0]) / radius - 1.0).abs());
     let error = off.fold(0.0, |worst: f64, off| if off.is_nan() || off > worst { off } else { worst });
-    // Raw values are f32 on every backend; a ball of triangles is as round as they are small.
-    let floor = On::Rt.rounding() + if space.geometry.has_quadrics() { 0.0 } else { DEVIATION };
-    Ok(Reading { floor, ..Reading::new(error, if space.geometry.has_quadrics() { 1e-4 } else { 2.0 * floor }) })
+    // Raw values are f32 on every backend. A ball of triangles is as round as they are small, and seen along chords.
+    let (floor, limit) = if space.geometry.has_quadrics() {
+        (On::Rt.rounding(), 1e-4)
+    } else {
+        let chord = deviation_at(radius, Shot::symmetric(middle.frame, fov, SIZE).chord_tolerance(TOLERANCE)) / radius;
+        (On::Rt.rounding() + DEVIATION, 2.0 * (DEVIATION + chord))
+    };
+    Ok(Reading { floor, ..Reading::new(error, limit) })
 }
