@@ -507,13 +507,14 @@ fn crossings(bench: &mut Bench, on: On, axis: usize) -> Result<Reading, Trouble>
         truths.push(truth);
     }
     let found: Vec<f64> = match on {
-        On::Cpu => rays.iter().map(|ray| Nil.length(*ray, Nil.exit(*ray, plane))).collect(),
+        On::Cpu => rays.iter().map(|ray| Nil.length(*ray, Nil.exit(*ray, plane, f64::INFINITY))).collect(),
         _ => {
             let single = |v: DVec4| v.as_vec4().to_array();
             let input = |g: &Geodesic| ProbeIn {
                 a: single(g.point),
                 b: single(g.velocity),
                 c: single(plane),
+                t: f32::INFINITY,
                 op: PROBE_EXIT,
                 ..Default::default()
             };

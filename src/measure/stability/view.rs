@@ -18,7 +18,7 @@ use glam::DVec3;
 /// How far beside, as a share of the way to the middle of the cell.
 const HAIR: f64 = 1e-5;
 
-/// Tolerance of chords inside of the ball, as a share of a pixel.
+/// Tolerance of arcs inside of the ball, as a share of a pixel.
 const TOLERANCE: f64 = 0.02;
 
 #[derive(Clone, Copy)]
@@ -99,12 +99,12 @@ fn inside_ball(bench: &mut Bench, on: On, space: &Space, fov: f64) -> Result<Rea
     }
     let off = target.pixels.iter().map(|pixel| (f64::from(pixel[0]) / radius - 1.0).abs());
     let error = off.fold(0.0, |worst: f64, off| if off.is_nan() || off > worst { off } else { worst });
-    // Raw values are f32 on every backend. A ball of triangles is as round as they are small, and seen along chords.
+    // Raw values are f32 on every backend. A ball of triangles is as round as they are small, and seen along arcs.
     let (floor, limit) = if space.geometry.has_quadrics() {
         (On::Rt.rounding(), 1e-4)
     } else {
-        let chord = deviation_at(radius, Shot::symmetric(middle.frame, fov, SIZE).chord_tolerance(TOLERANCE)) / radius;
-        (On::Rt.rounding() + DEVIATION, 2.0 * (DEVIATION + chord))
+        let arc = deviation_at(radius, Shot::symmetric(middle.frame, fov, SIZE).tolerance(TOLERANCE)) / radius;
+        (On::Rt.rounding() + DEVIATION, 2.0 * (DEVIATION + arc))
     };
     Ok(Reading { floor, ..Reading::new(error, limit) })
 }

@@ -12,14 +12,17 @@ use crate::{
         Space, catalogue,
         domain::Domain,
         polyhedron::Polyhedron,
-        walk::{Path, Status, stage_segment, stage_transport},
+        walk::{Follow, Path, Status, stage_segment, stage_transport},
     },
 };
 use glam::{DVec3, DVec4, Vec4};
 use rayon::prelude::*;
 
-/// Tolerance of chords: half of a pixel's angle in a picture of 1000 lines.
+/// Tolerance of arcs: half of a pixel's angle in a picture of 1000 lines.
 pub(super) const TOLERANCE: f64 = 5e-4;
+
+/// Nothing is met on the way, so only the tolerance ends segments.
+const FOLLOW: Follow = Follow { tolerance: TOLERANCE, sagitta: f64::INFINITY };
 
 /// Rays of a walk.
 const RAYS: usize = 16;
@@ -68,7 +71,7 @@ pub(super) fn rays<G: Geometry>(geometry: G, space: &Space, count: usize, seed: 
 /// Walks until so many faces are passed and the next is reached, or the path ends otherwise.
 pub(super) fn to_the_end<G: Geometry>(geometry: G, domain: &Domain, path: &mut Path, bounces: u32) {
     while path.status == Status::Flying {
-        if stage_segment(geometry, domain, path, bounces, TOLERANCE, |_| ()).is_some() {
+        if stage_segment(geometry, domain, path, bounces, FOLLOW, |_| ()).is_some() {
             stage_transport(geometry, domain, path, bounces, |_| ());
         }
     }
@@ -84,7 +87,7 @@ pub(super) fn until<G: Geometry>(
 ) -> bool {
     let most = path.segments.saturating_add(crate::shader_io::SEGMENTS_PER_BOUNCE.saturating_mul(bounces));
     while path.status == Status::Flying && path.bounces < bounces && path.segments < most {
-        if stage_segment(geometry, domain, path, u32::MAX, TOLERANCE, &mut crossed).is_some() {
+        if stage_segment(geometry, domain, path, u32::MAX, FOLLOW, &mut crossed).is_some() {
             stage_transport(geometry, domain, path, u32::MAX, &mut crossed);
         }
     }

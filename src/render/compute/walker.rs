@@ -36,7 +36,7 @@ pub struct Walker {
 }
 
 impl Walker {
-    /// A walker in a space. Chords of curved geodesics are made for a tolerance that is this angle seen from the start.
+    /// A walker in a space. Arcs of curved geodesics are made for a tolerance that is this angle seen from the start.
     ///
     /// # Errors
     /// Driver failures.
@@ -44,7 +44,7 @@ impl Walker {
         context: &Arc<Context>,
         geometry: GeometryId,
         domain: &Domain,
-        chord_tolerance: f64,
+        tolerance: f64,
     ) -> Result<Self, VulkanError> {
         let mut submitter = Submitter::new(context, "the walker")?;
         let constants = Specialization {
@@ -66,7 +66,7 @@ impl Walker {
             context,
             &ComputeShader { entry: "walk.comp", geometry, constants: &constants.words(), push_bytes: 0 },
         )?;
-        let view = View { chord_tolerance: chord_tolerance as f32, ..View::default() };
+        let view = View { tolerance: tolerance as f32, sagitta: f32::INFINITY, ..View::default() };
         let faces: Vec<_> = domain.faces.iter().map(pack::face).collect();
         let cell = |faces: &std::ops::Range<usize>| Cell {
             first_face: faces.start as u32,
