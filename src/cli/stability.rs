@@ -94,7 +94,7 @@ fn as_text(bench: &Bench, lines: &[Line]) -> String {
             families.push(line.family);
         }
     }
-    let _ = writeln!(text, "\n{:<16} {:>8} {:>8}   {}", "family", "cases", "readings", "worst error/limit");
+    let _ = writeln!(text, "\n{:<16} {:>8} {:>8}   worst error/limit", "family", "cases", "readings");
     for family in families {
         let of: Vec<&Line> = lines.iter().filter(|line| line.family == family).collect();
         let mut names: Vec<&str> = of.iter().map(|line| line.name.as_str()).collect();

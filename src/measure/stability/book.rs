@@ -502,7 +502,7 @@ fn crossings(bench: &mut Bench, on: On, axis: usize) -> Result<Reading, Trouble>
             times.filter(|t| *t > 0.0).fold(f64::INFINITY, f64::min)
         };
         let book = (angle - alpha) / w;
-        printed += usize::from(truth.is_finite() && !((book - truth).abs() < 1e-6));
+        printed += usize::from(truth.is_finite() && ((book - truth).abs() > 1e-6 || book.is_nan()));
         rays.push(Geodesic { point: p.extend(1.0), velocity: v.extend(0.0) });
         truths.push(truth);
     }
@@ -516,7 +516,6 @@ fn crossings(bench: &mut Bench, on: On, axis: usize) -> Result<Reading, Trouble>
                 c: single(plane),
                 t: f32::INFINITY,
                 op: PROBE_EXIT,
-                ..Default::default()
             };
             let inputs: Vec<ProbeIn> = rays.iter().map(input).collect();
             let outputs = bench.probe(id, &inputs)?;

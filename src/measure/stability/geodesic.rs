@@ -15,6 +15,9 @@ use glam::{DVec4, Vec4};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
+/// Rounding of the reference itself, of numbers of order 1: 192 bits.
+const OWN_ROUNDING: f64 = 1e-56;
+
 /// Floors that an end point may be off.
 const FLOORS: f64 = 10.0;
 
@@ -235,7 +238,7 @@ impl Start {
             worst[0] = worst[0].max(apart(&exact.point, &end.point));
             worst[1] = worst[1].max(apart(&exact.direction, &end.direction));
         }
-        let size = |v| u * distance(v, &[0.0; 4]) + on.underflow();
+        let size = |v| u * distance(v, &[0.0; 4]) + on.underflow() + OWN_ROUNDING;
         [worst[0] + size(&exact.point), worst[1] + size(&exact.direction)]
     }
 }

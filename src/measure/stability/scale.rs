@@ -127,10 +127,11 @@ fn octahedron(bench: &mut Bench, on: On, space: &Space, middle: Frame, solid: Oc
             geometry.chart(self.0.point).abs().max_element()
         }
     }
-    let floor =
-        on.rounding().max(On::Rt.rounding() / 100.0) * (visit(space.geometry, Chart(middle)) / solid.size + AWAY);
-    // Flat space is a fiction up to the square of the size.
-    let curved = if solid.size < 1.0 { 100.0 * solid.size * solid.size } else { 0.0 };
+    // Raw values are f32 on every backend.
+    let far = visit(space.geometry, Chart(middle)) / solid.size + AWAY;
+    let floor = On::Rt.rounding() + on.rounding() * far;
+    // Flat space is a fiction: a triangle is flat in the chart, and bends by its size away from there.
+    let curved = if solid.size < 1.0 { 0.5 * solid.size } else { 0.0 };
     Ok(Reading { floor, ..Reading::new(error, 20.0 * floor + curved) })
 }
 
