@@ -155,7 +155,7 @@ fn stability_command_reports_as_json() {
     let readings = report["readings"].as_array().expect("a list");
     assert!(readings.len() >= 4);
     for reading in readings {
-        assert!(reading["name"].as_str().is_some_and(|name| name.starts_with("book/nil/")));
+        assert!(reading["name"].as_str().is_some_and(|name| name.starts_with("book/nil")));
         assert_eq!(reading["backend"], "cpu");
         assert!(reading["error"].is_number() && reading["floor"].is_number() && reading["limit"].is_number());
         assert_eq!(reading["verdict"], "pass");
