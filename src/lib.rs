@@ -42,7 +42,7 @@
 //! ```
 //!
 //! # Map of the modules
-//! `geometry ← space ← scene ← render ← {view, cli}`, and `vulkan ← render`; a test reads the imports.
+//! `geometry ← space ← scene ← render ← {view, measure} ← cli`, and `vulkan ← render`; a test reads the imports.
 //!
 //! | you want | look at |
 //! | --- | --- |
@@ -52,6 +52,8 @@
 //! | how a ray passes a face | [`space::walk`], `shaders/stage/walk.glsl` |
 //! | the proof that a gluing closes | [`space::check`] |
 //! | a structure that shaders read | [`shader_io`] |
+//! | the reference that errors are measured against | [`measure::reference`] |
+//! | a stiff or extreme case | [`measure::stability`] |
 //! | an option of the command line | [`cli`] |
 //!
 //! # Recipes
@@ -72,6 +74,7 @@
 
 pub mod cli;
 pub mod geometry;
+pub mod measure;
 pub mod render;
 pub mod scene;
 pub mod shader_io;

@@ -299,7 +299,29 @@ structures! {
         op: uint,
     }
 
-    /// Its result.
+    /// A ray that meets nothing, between two pieces of its walk through the faces.
+    struct Walk {
+        /// Where it is, in the cell's coordinates.
+        point: vec4,
+        /// Unit tangent vector there.
+        velocity: vec4,
+        /// Geodesic length so far.
+        travelled: float,
+        /// The cell.
+        cell: uint,
+        /// Faces passed.
+        bounces: uint,
+        /// Segments begun.
+        segments: uint,
+        /// Deck element of the cell, or [`NONE`].
+        label: uint,
+        /// The piece ends when so many faces are passed.
+        until: uint,
+        /// 1 if no pairing brings it back into the domain, or no face ends it.
+        lost: uint,
+    }
+
+    /// The result of a [`ProbeIn`].
     struct ProbeOut {
         /// First result.
         a: vec4,
@@ -360,7 +382,7 @@ numbers! {
     ON_FACE: float = 2e-6;
     /// f32 counterpart of `geometry::ALONG_FACE`.
     ALONG_FACE: float = 1e-6;
-    /// Shadow rays start this far along the surface normal, in units of length.
+    /// Shadow rays start this far along the surface normal, and end as far before the light, in units of length.
     SHADOW_OFFSET: float = 5e-4;
     /// Segments reach this far beyond both ends, in chart units, so that a surface that passes through a face is
     /// met by the segment before the face or by the one behind it whatever the rounding.
@@ -608,6 +630,10 @@ bindings! {
     23 placed_boxes: writeonly Box;
     /// Bends of the segments in flight, one for each invocation of a launch.
     24 bends: coherent vec3;
+    /// Rays walked without a scene.
+    25 walks: restrict Walk;
+    /// The faces that each of them passes: as many for each as there is room for.
+    26 passages: writeonly uint;
 }
 
 /// Text of `shared/io.glsl`.

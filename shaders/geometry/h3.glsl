@@ -32,9 +32,10 @@ Geodesic geo_flow(Geodesic g, float t) {
 
 vec4 geo_log(vec4 p, vec4 q, out float length_out) {
     vec4 difference = q - p;
-    length_out = 2.0 * m_asinh(0.5 * sqrt(max(h3_form(difference, difference), 0.0)));
     vec4 tangent = difference + p * h3_form(p, difference);
+    // sinh d. The chord is exact for near points, and far away a small difference of large squares.
     float norm = h3_norm(p, tangent);
+    length_out = norm > 1.0 ? m_asinh(norm) : 2.0 * m_asinh(0.5 * sqrt(max(h3_form(difference, difference), 0.0)));
     // At the base of nothing any direction serves: the coordinate direction that is parallel from the base point.
     return norm > 0.0 ? tangent / norm : vec4(1.0, 0.0, 0.0, 0.0) + (geo_base() + p) * (p.x / (1.0 + p.w));
 }

@@ -83,11 +83,12 @@ vec4 geo_log(vec4 p, vec4 q, out float length_out) {
     vec4 a = product_slice(p);
     vec4 difference = product_slice(q) - a;
     float half_chord = 0.5 * sqrt(max(product_form(difference, difference), 0.0));
-    float along = PRODUCT_CURVATURE > 0.0
-        ? 2.0 * m_atan(half_chord, 0.5 * length((p + q).xyw))
-        : 2.0 * m_asinh(half_chord);
     vec4 tangent = difference - a * (PRODUCT_CURVATURE * product_form(a, difference));
     float norm = product_norm(a, tangent);
+    // Far away in the hyperbolic plane the chord is a small difference of large squares; the norm is sinh d.
+    float along = PRODUCT_CURVATURE > 0.0
+        ? 2.0 * m_atan(half_chord, 0.5 * length((p + q).xyw))
+        : norm > 1.0 ? m_asinh(norm) : 2.0 * m_asinh(half_chord);
     // At the base of nothing, and at the antipode, any direction of the surface serves.
     vec4 turn = vec4(1.0, 0.0, 0.0, 0.0) - PRODUCT_CURVATURE * (geo_base() + a) * (a.x / max(1.0 + a.w, 1e-6));
     vec4 way = (norm > 0.0 ? tangent / norm : turn) * along;

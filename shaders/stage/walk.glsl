@@ -96,6 +96,10 @@ uint walk_cell(Path path) {
 // Takes the path through a face.
 void walk_cross(inout Path path, Geodesic g, uint face) {
     walk_set(path, geo_restore(geo_cross(Isometry(io_faces[face].linear, io_faces[face].shift), io_faces[face].plane, g)));
+#ifdef WALK_CROSSED
+    // An entry that wants to know the faces.
+    WALK_CROSSED(path.bounces, face);
+#endif
     path.bounces++;
     if (IO_FACES == 0u) path.cell = io_faces[face].cell;
     if (IO_LABELS && path.label != IO_NONE) path.label = io_label_table[path.label * uint(io_faces.length()) + face];

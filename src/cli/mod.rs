@@ -10,6 +10,7 @@ mod geodesic;
 pub mod output;
 mod render;
 mod sequence;
+mod stability;
 mod transport;
 
 use crate::{
@@ -98,6 +99,8 @@ enum Command {
     Devices(DevicesArgs),
     /// Compute the end of a geodesic in a model geometry.
     Geodesic(GeodesicArgs),
+    /// Run every stiff and extreme case on every backend, and fail if one fails.
+    Stability(StabilityArgs),
     /// Follow a geodesic, or a pixel's ray, through the faces of a space.
     Transport(TransportArgs),
 }
@@ -199,6 +202,25 @@ struct DevicesArgs {
     json: bool,
 }
 
+#[derive(Args)]
+struct StabilityArgs {
+    /// Run only the cases that have this text in their names.
+    #[arg(long, value_name = "TEXT")]
+    filter: Option<String>,
+    /// Run only on this backend; auto is all that are there.
+    #[arg(long, value_enum, default_value = "auto")]
+    backend: BackendChoice,
+    /// Write the report as JSON to a file.
+    #[arg(short, long, value_name = "FILE.json")]
+    output: Option<PathBuf>,
+    /// Print the report as JSON.
+    #[arg(long)]
+    json: bool,
+    /// Add this to every error, to see that it is caught.
+    #[arg(long, value_name = "E", default_value_t = 0.0, value_parser = parse_finite)]
+    spoil: f64,
+}
+
 /// Where a geodesic starts and how long it is.
 #[derive(Args)]
 struct GeodesicStart {
@@ -283,6 +305,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Outcome {
         Command::Check(args) => check::run(&args),
         Command::Devices(args) => devices::run(&args),
         Command::Geodesic(args) => geodesic::run(&args),
+        Command::Stability(args) => stability::run(&args),
         Command::Transport(args) => transport::run(&args),
     }
 }

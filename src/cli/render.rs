@@ -13,6 +13,7 @@ use crate::{
         cpu::CpuBackend,
         plan::{Feature, Plan},
         rt::{RtBackend, RtOptions},
+        side_by_side,
         world::{Pose, World},
     },
     scene::{Object, Scene, file},
@@ -152,7 +153,7 @@ impl Session {
     /// The picture, both eyes side by side if there are two.
     fn draw(&mut self, args: &RenderArgs, scene: &Scene, progress: &(dyn Fn(f64) + Sync)) -> Result<Target, Failure> {
         let eyes = if args.stereo { stereo_eyes(scene)? } else { vec![scene.observer.frame] };
-        let mut target = Target::new([args.size[0] * eyes.len() as u32, args.size[1]]);
+        let mut target = Target::new(side_by_side(args.size, eyes.len() as u32));
         for (index, eye) in eyes.iter().enumerate() {
             let shot =
                 Shot { samples: args.samples, seed: args.seed, ..Shot::symmetric(*eye, scene.observer.fov, args.size) };
@@ -335,7 +336,7 @@ fn stats_json(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
 }
 
 /// A bar on stderr, only on a terminal and only for work that takes longer than a second.
-struct Progress {
+pub(super) struct Progress {
     started: Instant,
     shown: bool,
     bar: OnceLock<ProgressBar>,
@@ -344,11 +345,11 @@ struct Progress {
 impl Progress {
     const STEPS: u64 = 1000;
 
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self { started: Instant::now(), shown: std::io::stderr().is_terminal(), bar: OnceLock::new() }
     }
 
-    fn set(&self, share: f64) {
+    pub(super) fn set(&self, share: f64) {
         if !self.shown || (self.started.elapsed() < Duration::from_secs(1) && self.bar.get().is_none()) {
             return;
         }
@@ -362,7 +363,7 @@ impl Progress {
         bar.set_position((share * Self::STEPS as f64) as u64);
     }
 
-    fn finish(&self) {
+    pub(super) fn finish(&self) {
         if let Some(bar) = self.bar.get() {
             bar.finish_and_clear();
         }

@@ -75,9 +75,14 @@ impl Geometry for H3 {
 
     fn log(&self, p: DVec4, q: DVec4) -> (DVec4, f64) {
         let difference = q - p;
-        let length = 2.0 * (0.5 * minkowski(difference, difference).max(0.0).sqrt()).asinh();
         let tangent = difference + p * minkowski(p, difference);
+        // sinh d. The chord is exact for near points, and far away a small difference of large squares.
         let norm = self.norm(p, tangent);
+        let length = if norm > 1.0 {
+            norm.asinh()
+        } else {
+            2.0 * (0.5 * minkowski(difference, difference).max(0.0).sqrt()).asinh()
+        };
         if norm > 0.0 { (tangent / norm, length) } else { (self.frame(p)[0], length) }
     }
 

@@ -158,10 +158,16 @@ impl Shot {
         }
     }
 
-    /// The tolerance of arcs as an angle seen from the eye: a share of a pixel.
+    /// The tolerance of arcs as an angle seen from the eye: a share of a pixel, of which the picture has so many in its
+    /// field of view. (In a picture of 179° the pixel in the middle is 80° high, but those at the border are tiny.)
     pub fn tolerance(&self, share_of_pixel: f64) -> f64 {
-        share_of_pixel * (self.tangents[3] - self.tangents[2]) / f64::from(self.size[1])
+        share_of_pixel * (self.tangents[3].atan() - self.tangents[2].atan()) / f64::from(self.size[1])
     }
+}
+
+/// Size of a picture of so many views of this size, one beside the other.
+pub fn side_by_side(view: [u32; 2], views: u32) -> [u32; 2] {
+    [view[0] * views, view[1]]
 }
 
 /// A picture: linear RGBA, or a raw value in all of RGB; rows from the top.

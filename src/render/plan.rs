@@ -146,10 +146,7 @@ impl Plan {
             Decision { feature, needed, kept: false, reason }
         };
         let decisions = Feature::NAMES.iter().map(|(_, feature)| decide(*feature)).collect();
-        let faces = match scene.space.cells.as_slice() {
-            [cell] if cell.faces.len() <= MAX_UNROLLED_FACES => cell.faces.len() as u32,
-            _ => 0,
-        };
+        let faces = unrolled_faces(scene.space.cells.iter().map(|cell| cell.faces.len()));
         Self { decisions, shading, faces }
     }
 
@@ -202,6 +199,14 @@ fn used_materials(scene: &Scene) -> impl Iterator<Item = usize> {
         };
         own
     })
+}
+
+/// The number of faces for which face tests are unrolled, from those of all cells: 0 for a loop.
+pub fn unrolled_faces(mut cells: impl Iterator<Item = usize>) -> u32 {
+    match (cells.next(), cells.next()) {
+        (Some(faces), None) if faces <= MAX_UNROLLED_FACES => faces as u32,
+        _ => 0,
+    }
 }
 
 /// The number by which the shaders know a shading.

@@ -74,11 +74,13 @@ impl<G: Geometry> Elements<G> {
             return (known, known == next);
         }
         let image = self.geometry.apply(&element.isometry, self.witness).point;
-        // Images of one element differ by rounding, those of two by far more than the grid's width; an image next
-        // to the border of its grid cell is looked up in the neighbouring cell as well.
-        const GRID: f64 = 1e-4;
-        let scaled = image / (GRID * image.abs().max_element().max(1.0));
-        let (low, high) = ((scaled - 0.01).floor().to_array(), (scaled + 0.01).floor().to_array());
+        // Images of one element differ by rounding, which grows with the coordinates: 1e-6 for coordinates of 1e9. Those of
+        // two elements differ by a length of order 1, and by as much in coordinates however far away they are (relative to
+        // the coordinates they come ever closer). An image next to the border of its grid cell is looked up in the
+        // neighbouring cell as well.
+        const GRID: f64 = 1e-3;
+        let scaled = image / GRID;
+        let (low, high) = ((scaled - 0.4).floor().to_array(), (scaled + 0.4).floor().to_array());
         for corner in 0..16_u32 {
             let key = std::array::from_fn(|i| if corner & (1 << i) == 0 { low[i] } else { high[i] } as i64);
             if let Some(&known) = self.known.get(&(element.cell, key)) {

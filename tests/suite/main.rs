@@ -17,19 +17,19 @@
 //! - `observer`: walks through the faces, what closed loops pick up, camera paths.
 //! - `plan`: what scenes leave out; no device.
 //! - `polyhedra`, `spaces`: cells, the catalogue, and the proof that a gluing closes, against reference data.
+//! - `reference`: the numbers of 192 bits that errors are measured against.
 //! - `rt`: acceleration structures, moving objects, the pipeline cache, faults of the ray tracing backend.
 //! - `shaders`: layout of shared structures in the compiled modules.
+//! - `stability`: the list of stiff and extreme cases passes, is complete, and a spoiled result is caught.
 //! - `transport`: geodesics through the faces against the unfolded ones.
 //! - `twins`: each function of the shaders' geometries against its Rust twin, on the device.
 //! - `vulkan`: devices, probe, compute backend, faults, and that validation is silent.
 //!
-//! `support` holds what modules share, `big` numbers of 192 bits and, with `big_groups`, the geodesic flows in them.
+//! `support` holds what modules share. Geodesic flows in 192 bits are in `holonomy::measure::reference`.
 //! Tests of a device take it through `support::gpu` or `support::rt_gpu`.
 
 mod agree;
 mod architecture;
-mod big;
-mod big_groups;
 mod cli;
 mod closed_form;
 mod corners;
@@ -44,10 +44,12 @@ mod laws;
 mod observer;
 mod plan;
 mod polyhedra;
+mod reference;
 mod rt;
 mod scene;
 mod shaders;
 mod spaces;
+mod stability;
 mod support;
 mod transport;
 mod twins;

@@ -8,13 +8,10 @@
 //! entries at every face; in Nil an error in the plane is multiplied by the plane's extent in the fibre. Sol and the
 //! universal cover of SL(2, R) part geodesics like hyperbolic planes do.
 
-use crate::{
-    big::{Big, Big4, BigGeodesic, Classical, Model, Nil, Product, distance},
-    big_groups::{SL2, SOL, sl2_product},
-    support::{self, Random},
-};
+use crate::support::{self, Random};
 use holonomy::{
     geometry::{Geodesic, Geometry, Visitor, visit},
+    measure::reference::{Big, Big4, BigGeodesic, Classical, Model, Nil, Product, SL2, SOL, distance, sl2_product},
     space::{
         Space, catalogue,
         domain::Domain,

@@ -70,7 +70,9 @@ impl<G: Geometry> Tracer<'_, G> {
             let above = geometry.flow(Geodesic { point, velocity: surface.normal }, SHADOW_OFFSET.into());
             let (towards, to_light) = geometry.log(above.point, light.point);
             let state = Geodesic { point: above.point, velocity: towards };
-            if self.shade_occluded(state, to_light, path.cell, counts) {
+            // And to a point a little before the light: what it is fixed to does not hide it from one side at random.
+            let reach = to_light - f64::from(SHADOW_OFFSET);
+            if reach > 0.0 && self.shade_occluded(state, reach, path.cell, counts) {
                 return DVec3::ZERO;
             }
         }

@@ -135,7 +135,8 @@ pub fn quadric_shading(quadric: &WorldQuadric) -> io::QuadricShading {
     }
 }
 
-fn face(face: &DomainFace) -> io::Face {
+/// A face with its pairing.
+pub fn face(face: &DomainFace) -> io::Face {
     io::Face { plane: vec4(face.plane), cell: face.cell as u32, ..pairing(&face.folded) }
 }
 

@@ -1,7 +1,7 @@
 //! The geodesic flows of the matrix groups and of Sol in 192 bits, from their definitions: power series of the
 //! equation of motion, and of the matrix exponential. Nothing here is a formula of the program.
 
-use crate::big::{Big, Big4, BigGeodesic, Model};
+use super::{Big, Big4, BigGeodesic, Model};
 
 /// Sol.
 pub const SOL: &dyn Model = &Sol;
