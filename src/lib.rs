@@ -42,11 +42,12 @@
 //! ```
 //!
 //! # Map of the modules
-//! `geometry ← space ← scene ← render ← {view, cli}`, and `vulkan ← render`; a test reads the imports.
+//! `geometry ← integrate ← space ← scene ← render ← {view, cli}`, and `vulkan ← render`; a test reads the imports.
 //!
 //! | you want | look at |
 //! | --- | --- |
 //! | a formula of a geometry | `src/geometry/<name>.rs` and its twin `shaders/geometry/<name>.glsl` |
+//! | how geodesics are integrated | [`integrate`], `shaders/stage/integrate.glsl` |
 //! | what every geometry must satisfy | [`geometry::laws`] |
 //! | a named space | [`space::catalogue`] |
 //! | how a ray passes a face | [`space::walk`], `shaders/stage/walk.glsl` |
@@ -72,6 +73,7 @@
 
 pub mod cli;
 pub mod geometry;
+pub mod integrate;
 pub mod render;
 pub mod scene;
 pub mod shader_io;

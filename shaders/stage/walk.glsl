@@ -54,14 +54,19 @@ uint walk_cell(Path path) {
     return IO_FACES == 0u ? path.cell : 0u;
 }
 
+// Notes that the path has passed a face.
+void walk_passed(inout Path path, uint face) {
+    path.bounces++;
+    if (IO_FACES == 0u) path.cell = io_faces[face].cell;
+    if (IO_LABELS && path.label != IO_NONE) path.label = io_label_table[path.label * uint(io_faces.length()) + face];
+}
+
 // Takes the path through a face.
 void walk_cross(inout Path path, Geodesic g, uint face) {
     Geodesic h = geo_restore(geo_cross(Isometry(io_faces[face].linear, io_faces[face].shift), io_faces[face].plane, g));
     path.point = h.point;
     path.velocity = h.velocity;
-    path.bounces++;
-    if (IO_FACES == 0u) path.cell = io_faces[face].cell;
-    if (IO_LABELS && path.label != IO_NONE) path.label = io_label_table[path.label * uint(io_faces.length()) + face];
+    walk_passed(path, face);
 }
 
 // What the faces say of a state: where the geodesic leaves, and which face it violates most.
@@ -110,10 +115,13 @@ float walk_tolerance(Path path) {
     return angle * (path.travelled + 0.5 * angle);
 }
 
+#include "stage/stepped.glsl"
+
 // Finds the end of the segment that starts at the path's state, and brings a state that rounding has left outside
 // of its cell (at an edge or a corner) back first. The path ends after geodesic length `limit`, and at most `bounces`
 // faces are passed. False: the path has ended.
 bool stage_segment(inout Path path, float limit, uint bounces, bool first, out Segment segment) {
+    if (IO_INTEGRATOR != IO_INTEGRATOR_EXACT) return stepped_segment(path, limit, bounces, first, segment);
     Faces faces = walk_test_faces(path);
     for (uint attempt = 0u; faces.violated != IO_END_LIMIT; attempt++) {
         bool lost = attempt == IO_REDUCE_LIMIT;
@@ -160,6 +168,10 @@ bool stage_segment(inout Path path, float limit, uint bounces, bool first, out S
 
 // The miss stage: the segment met nothing, so the geodesic moves on to its end and through the face there.
 void stage_transport(inout Path path, uint bounces) {
+    if (IO_INTEGRATOR != IO_INTEGRATOR_EXACT) {
+        stepped_transport(path, bounces);
+        return;
+    }
     Geodesic g = walk_state(path);
     path.travelled += geo_length(g, path.u_end);
     g = geo_advance(g, path.u_end);

@@ -14,6 +14,7 @@ mod transport;
 
 use crate::{
     geometry::GEOMETRIES,
+    integrate::Method,
     render::plan::Feature,
     scene::{MAX_BOUNCES, Shading},
     vulkan::VulkanError,
@@ -120,6 +121,36 @@ pub enum BackendChoice {
 enum Integrator {
     /// The geometry's own flow.
     Exact,
+    /// Runge and Kutta's method of order 4, steps of one length.
+    Rk4,
+    /// Dormand and Prince's method of order 5, steps by a tolerance.
+    Dopri5,
+    /// The book's: Euler's method, steps of one length.
+    Euler,
+}
+
+impl Integrator {
+    /// Step of the methods with steps of one length where none is given.
+    const STEP: f64 = 0.05;
+
+    /// Tolerance of the adaptive method where none is given.
+    const TOLERANCE: f64 = 1e-6;
+
+    /// The method with its parameter; `tolerance` is left alone where the method has none.
+    fn method(self, step: Option<f64>, tolerance: Option<f64>) -> Result<Method, Failure> {
+        let refuse = |what: &str| Err(Failure::refused(anyhow::anyhow!("{what}")));
+        match (self, step, tolerance) {
+            (Self::Exact, Some(_), _) => refuse("--step needs --integrator euler or rk4"),
+            (Self::Dopri5, Some(_), _) => refuse("--step: dopri5 chooses its steps by --tolerance"),
+            (Self::Euler | Self::Rk4, _, Some(_)) => refuse("--tolerance: this integrator has a --step and no tolerance"),
+            (Self::Exact, None, _) => Ok(Method::Exact),
+            (Self::Euler, step, None) => Ok(Method::Euler { step: step.unwrap_or(Self::STEP) }),
+            (Self::Rk4, step, None) => Ok(Method::Rk4 { step: step.unwrap_or(Self::STEP) }),
+            (Self::Dopri5, None, tolerance) => {
+                Ok(Method::Dopri5 { tolerance: tolerance.unwrap_or(Self::TOLERANCE) })
+            }
+        }
+    }
 }
 
 /// Number format of a computation.
@@ -156,7 +187,11 @@ struct RenderArgs {
     /// How geodesics are integrated.
     #[arg(long, value_enum, default_value = "exact")]
     integrator: Integrator,
-    /// Largest deviation of a chord from its geodesic, as a share of a pixel, instead of the scene's.
+    /// Length of the steps of euler and rk4, 0.05 if not given; each is a segment.
+    #[arg(long, value_name = "H", value_parser = parse_positive)]
+    step: Option<f64>,
+    /// With exact: largest deviation of a chord from its geodesic, as a share of a pixel, instead of the scene's. With
+    /// dopri5: largest error of a step, 1e-6 if not given.
     #[arg(long, value_name = "E", value_parser = parse_positive)]
     tolerance: Option<f64>,
     /// Both eyes side by side, left eye left.
@@ -229,7 +264,13 @@ struct GeodesicArgs {
     /// How geodesics are integrated.
     #[arg(long, value_enum, default_value = "exact")]
     integrator: Integrator,
-    /// cpu computes in f64, compute in f32 with the shader's own function on the device.
+    /// Length of the steps of euler and rk4, 0.05 if not given.
+    #[arg(long, value_name = "H", value_parser = parse_positive)]
+    step: Option<f64>,
+    /// Largest error of a step of dopri5, 1e-6 if not given.
+    #[arg(long, value_name = "E", value_parser = parse_positive)]
+    tolerance: Option<f64>,
+    /// cpu computes in f64 (f32 too, but for the exact flow), compute in f32 with the shader's own function on the device.
     #[arg(long, value_enum)]
     backend: Option<BackendChoice>,
     /// Print the result as JSON.

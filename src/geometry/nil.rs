@@ -15,7 +15,7 @@
 //! from the plane's part of the matrix, so that [`Isometry::linear`] holds every isometry.
 
 use super::passage::{Motion, first_passage};
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric};
+use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3};
 use glam::{DMat2, DMat4, DVec2, DVec3, DVec4, Vec4Swizzles};
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -178,6 +178,16 @@ impl Geometry for Nil {
 
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {
         DVec4::new(dc.x, dc.y, dc.z - p.x * dc.y, 0.0)
+    }
+
+    fn chart_vector(&self, p: DVec4, v: DVec4) -> DVec3 {
+        DVec3::new(v.x, v.y, v.z + p.x * v.y)
+    }
+
+    /// `w = z′ − xy′` is constant and turns `(x′, y′)`.
+    fn spray<T: Real>(&self, c: Real3<T>, v: Real3<T>) -> Real3<T> {
+        let w = v.z - c.x * v.y;
+        Real3::new(-(w * v.y), w * v.x, v.x * v.y + c.x * w * v.x)
     }
 
     fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4 {

@@ -20,7 +20,7 @@ pub mod elliptic;
 mod series;
 
 use super::{
-    Geodesic, Geometry, Isometry, Quadric,
+    Geodesic, Geometry, Isometry, Quadric, Real, Real3,
     curved::{before_passage, first_zero, longest_chord, nearest_parameter, shoot, wave_area},
     spatial,
 };
@@ -211,6 +211,18 @@ impl Geometry for Sol {
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {
         let [x, y] = stretch(-p.z, dc.x, dc.y);
         DVec4::new(x, y, dc.z, 0.0)
+    }
+
+    fn chart_vector(&self, p: DVec4, v: DVec4) -> DVec3 {
+        let [x, y] = stretch(p.z, v.x, v.y);
+        DVec3::new(x, y, v.z)
+    }
+
+    fn spray<T: Real>(&self, c: Real3<T>, v: Real3<T>) -> Real3<T> {
+        let rate = T::from_f64(2.0) * v.z;
+        let (wide, narrow) = (c.z.exp(), (-c.z).exp());
+        let (u, w) = (v.x * narrow, v.y * wide);
+        Real3::new(rate * v.x, -(rate * v.y), w * w - u * u)
     }
 
     fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4 {

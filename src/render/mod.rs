@@ -154,6 +154,7 @@ impl Shot {
             size: self.size,
             bounces: settings.bounces,
             cell: self.eye.cell as u32,
+            integration: settings.method.parameter() as f32,
         }
     }
 

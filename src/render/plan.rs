@@ -6,6 +6,7 @@
 //! out saves.
 
 use crate::{
+    integrate::Method,
     scene::{Scene, Shading, Shape},
     shader_io::Specialization,
 };
@@ -77,12 +78,14 @@ pub struct Decision {
 }
 
 /// Which parts of the renderer a scene needs.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// One decision per feature, in the order of [`Feature::NAMES`].
     pub decisions: Vec<Decision>,
     /// What the picture shows.
     pub shading: Shading,
+    /// How rays are followed.
+    pub method: Method,
     /// Number of faces if the space has one cell with few enough to unroll, else 0: then rays remember their cell.
     pub faces: u32,
 }
@@ -142,7 +145,7 @@ impl Plan {
             [cell] if cell.faces.len() <= MAX_UNROLLED_FACES => cell.faces.len() as u32,
             _ => 0,
         };
-        Self { decisions, shading, faces }
+        Self { decisions, shading, method: scene.settings.method, faces }
     }
 
     /// Keeps features in that the scene does not need.
@@ -175,6 +178,7 @@ impl Plan {
             labels: on(Feature::Labels),
             counters: on(Feature::Counters),
             shading: shading_number(self.shading),
+            integrator: integrator_number(self.method),
         }
     }
 }
@@ -193,6 +197,17 @@ fn used_materials(scene: &Scene) -> impl Iterator<Item = usize> {
         };
         own
     })
+}
+
+/// The number by which the shaders know an integrator.
+pub fn integrator_number(method: Method) -> u32 {
+    use crate::shader_io as io;
+    match method {
+        Method::Exact => io::INTEGRATOR_EXACT,
+        Method::Euler { .. } => io::INTEGRATOR_EULER,
+        Method::Rk4 { .. } => io::INTEGRATOR_RK4,
+        Method::Dopri5 { .. } => io::INTEGRATOR_DOPRI5,
+    }
 }
 
 /// The number by which the shaders know a shading.

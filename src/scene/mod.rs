@@ -17,6 +17,7 @@ mod reader;
 pub mod shipped;
 mod texture;
 
+use crate::integrate::Method;
 use crate::space::{
     Space,
     observer::{Frame, Leg},
@@ -284,6 +285,8 @@ pub struct Settings {
     pub shading: Shading,
     /// Largest deviation of a chord from its geodesic, as a share of a pixel's footprint.
     pub tolerance: f64,
+    /// How rays are followed.
+    pub method: Method,
 }
 
 /// Largest accepted bounce count.
@@ -300,6 +303,7 @@ impl Default for Settings {
             headlight: [0.0; 3],
             shading: Shading::Riemannian,
             tolerance: 0.5,
+            method: Method::Exact,
         }
     }
 }

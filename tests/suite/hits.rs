@@ -7,7 +7,7 @@
 use crate::{laws::broken, support::Random};
 use glam::{DMat4, DVec2, DVec3, DVec4};
 use holonomy::{
-    geometry::{ALONG_FACE, E3, Geodesic, Geometry, H3, Isometry, Quadric, S3, exponential},
+    geometry::{ALONG_FACE, E3, Geodesic, Geometry, H3, Isometry, Quadric, Real, Real3, S3, exponential},
     render::{
         Shot,
         cpu::{
@@ -77,10 +77,14 @@ impl<G: Geometry> Geometry for Faceted<G> {
         chart(p: DVec4) -> DVec3;
         unchart(c: DVec3) -> Option<DVec4>;
         unchart_vector(p: DVec4, dc: DVec3) -> DVec4;
+        chart_vector(p: DVec4, v: DVec4) -> DVec3;
         raise(p: DVec4, conormal: DVec3) -> DVec4;
         lower(p: DVec4, v: DVec4) -> DVec3;
         volume_density(c: DVec3) -> f64;
         bisector(q: DVec4) -> Option<DVec4>;
+    }
+    fn spray<T: Real>(&self, c: Real3<T>, v: Real3<T>) -> Real3<T> {
+        self.0.spray(c, v)
     }
     fn ball(&self, _centre: DVec4, _radius: f64) -> Option<Quadric> {
         None
@@ -145,6 +149,15 @@ impl<const STRAIGHT: bool> Geometry for Sheared<STRAIGHT> {
 
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {
         DVec4::new(dc.x - SHEAR * (p.y * dc.y + p.z * dc.z), dc.y, dc.z, 0.0)
+    }
+
+    fn chart_vector(&self, p: DVec4, v: DVec4) -> DVec3 {
+        DVec3::new(v.x + SHEAR * (p.y * v.y + p.z * v.z), v.y, v.z)
+    }
+
+    fn spray<T: Real>(&self, _c: Real3<T>, v: Real3<T>) -> Real3<T> {
+        let zero = T::from_f64(0.0);
+        Real3::new(T::from_f64(SHEAR) * (v.y * v.y + v.z * v.z), zero, zero)
     }
 
     fn raise(&self, p: DVec4, n: DVec3) -> DVec4 {

@@ -12,6 +12,7 @@
 //! - `gluing`: gluing files and Dirichlet domains.
 //! - `gltf`, `scene`: what is read, and what is refused with which words.
 //! - `hits`: hits on curved geodesics, and balls and tubes as triangles, in geometries made for the purpose.
+//! - `integrate`: the order of each integrator, its passages through faces, its ends, its pictures.
 //! - `laws`: what every geometry must satisfy.
 //! - `observer`: walks through the faces, what closed loops pick up, camera paths.
 //! - `plan`: what scenes leave out; no device.
@@ -38,6 +39,7 @@ mod geodesic;
 mod gltf;
 mod gluing;
 mod hits;
+mod integrate;
 mod laws;
 mod observer;
 mod plan;

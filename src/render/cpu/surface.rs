@@ -3,10 +3,14 @@
 use super::traverse::Tracer;
 use crate::{
     geometry::{Geometry, Quadric},
+    integrate::{Dense, Method},
     render::world::{World, WorldQuadric},
     scene::{Shading, Texture, Wrap},
     shader_io::{QUADRIC_BIT, TriangleShading},
-    space::walk::{Path, Segment, Status},
+    space::{
+        stepped,
+        walk::{Path, Segment, Status},
+    },
 };
 use glam::{DVec2, DVec3, DVec4, Vec2, Vec3};
 
@@ -184,10 +188,23 @@ impl<G: Geometry> Tracer<'_, G> {
         }
     }
 
+    /// The step of the integrator that the path is on; none where rays follow the geometry's own flow.
+    fn step_of(&self, path: &Path) -> Option<Dense<f64>> {
+        let method = self.uses.method;
+        (method != Method::Exact).then(|| stepped::current(self.geometry, method, path))
+    }
+
     /// Curve parameter at which the path meets the primitive that its chord meets at `s`.
     fn refined(&self, path: &Path, segment: Segment, reference: u32, s: f64) -> f64 {
         let along = |s: f64| self.form(reference, segment.origin + segment.direction * s);
-        let value = |u: f64| self.form(reference, self.geometry.chart(self.geometry.advance(path.state, u).point));
+        let dense = self.step_of(path);
+        let value = |u: f64| {
+            let at = match &dense {
+                Some(dense) => dense.point(u / dense.h).to_f64(),
+                None => self.geometry.chart(self.geometry.advance(path.state, u).point),
+            };
+            self.form(reference, at)
+        };
         // Slope of the form along the chord: of a plane's exactly, of a quadric's at the hit by central differences.
         let rate = (along(s + 0.01) - along(s - 0.01)) / 0.02;
         refine(value, s * path.u_end, rate / path.u_end, path.u_end, REFINE_STEPS)
@@ -204,15 +221,21 @@ impl<G: Geometry> Tracer<'_, G> {
 
         // The state at the hit, on the geodesic itself.
         let mut at = segment.origin + segment.direction * s;
-        let u = if G::STRAIGHT {
+        let straight = G::STRAIGHT && self.uses.method == Method::Exact;
+        let u = if straight {
             self.geometry.parameter(path.state, at)
         } else {
             self.refined(path, segment, reference, s)
         };
-        path.travelled += self.geometry.length(path.state, u);
-        path.state = self.geometry.advance(path.state, u);
         path.status = Status::Hit;
-        if !G::STRAIGHT {
+        match self.step_of(path) {
+            Some(dense) => stepped::arrive(self.geometry, &dense, path, u),
+            None => {
+                path.travelled += self.geometry.length(path.state, u);
+                path.state = self.geometry.advance(path.state, u);
+            }
+        }
+        if !straight {
             at = self.geometry.chart(path.state.point);
         }
 
@@ -223,7 +246,7 @@ impl<G: Geometry> Tracer<'_, G> {
         } else {
             let corners = self.meshes.triangles[reference as usize];
             let shading = &self.meshes.shading[reference as usize];
-            if !G::STRAIGHT {
+            if !straight {
                 weights = triangle_weights(corners, at);
             }
             let [a, b, c] =

@@ -6,6 +6,7 @@ use super::{
 };
 use crate::{
     geometry::Geometry,
+    integrate::Method,
     render::{
         Shot,
         bvh::{Tree, child_of},
@@ -14,7 +15,10 @@ use crate::{
     },
     scene::Shading,
     shader_io::{COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, QUADRIC_BIT, SHADOW_BOUNCES, STACK_SIZE},
-    space::walk::{Path, Segment, Status, stage_transport},
+    space::{
+        stepped,
+        walk::{Path, Segment, Status, stage_segment, stage_transport},
+    },
 };
 use glam::DVec3;
 
@@ -43,6 +47,7 @@ pub(super) struct Uses {
     pub max_distance: bool,
     pub counters: bool,
     pub shading: Shading,
+    pub method: Method,
 }
 
 impl<'a, G: Geometry> Tracer<'a, G> {
@@ -61,6 +66,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
             max_distance: plan.uses(Feature::MaxDistance),
             counters: plan.uses(Feature::Counters),
             shading: plan.shading,
+            method: plan.method,
         };
         Self {
             geometry,
@@ -79,6 +85,23 @@ impl<'a, G: Geometry> Tracer<'a, G> {
         }
     }
 
+    /// The next segment of a path, by the plan's method.
+    pub(super) fn segment(&self, path: &mut Path, bounces: u32, crossed: impl FnMut(usize)) -> Option<Segment> {
+        let (geometry, domain, tolerance) = (self.geometry, &self.world.domain, self.chord_tolerance);
+        match self.uses.method {
+            Method::Exact => stage_segment(geometry, domain, path, bounces, tolerance, crossed),
+            method => stepped::stage_segment(geometry, domain, path, bounces, tolerance, method, crossed),
+        }
+    }
+
+    /// Moves a path on to its segment's end, by the plan's method.
+    fn transport(&self, path: &mut Path, bounces: u32, crossed: impl FnMut(usize)) {
+        match self.uses.method {
+            Method::Exact => stage_transport(self.geometry, &self.world.domain, path, bounces, crossed),
+            method => stepped::stage_transport(self.geometry, &self.world.domain, path, bounces, method, crossed),
+        }
+    }
+
     /// Traces one segment of a primary ray: closest-hit or miss follows. Returns the surface that was hit.
     pub fn trace_segment(
         &self,
@@ -88,9 +111,12 @@ impl<'a, G: Geometry> Tracer<'a, G> {
         crossed: impl FnMut(usize),
     ) -> Option<Surface> {
         match self.traverse(segment, self.hierarchy.trees[path.cell], false, counts) {
-            Some(reference) => Some(self.stage_closest_hit(path, segment, reference)),
+            Some(reference) => {
+                let surface = self.stage_closest_hit(path, segment, reference);
+                (path.status == Status::Hit).then_some(surface)
+            }
             None => {
-                stage_transport(self.geometry, &self.world.domain, path, self.world.settings.bounces, crossed);
+                self.transport(path, self.world.settings.bounces, crossed);
                 None
             }
         }
@@ -101,7 +127,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
         if self.traverse(segment, self.hierarchy.trees[path.cell], true, counts).is_some() {
             path.status = Status::Hit;
         } else {
-            stage_transport(self.geometry, &self.world.domain, path, SHADOW_BOUNCES, |_| ());
+            self.transport(path, SHADOW_BOUNCES, |_| ());
         }
     }
 

@@ -1,0 +1,169 @@
+// Walking a geodesic by an integrator instead of the geometry's flow: each step of the integrator is one segment. Twin,
+// with the theory: src/space/stepped.rs.
+//
+// The path's state is in the chart meanwhile: point.xyz and velocity.xyz are coordinates and their derivative, point.w is
+// the integrator's proposal for the next step, velocity.w the whole step of which the segment is the first part.
+#ifndef STEPPED_GLSL
+#define STEPPED_GLSL
+#include "shared/integrate.glsl"
+
+ChartState stepped_state(Path path) {
+    return ChartState(path.point.xyz, path.velocity.xyz);
+}
+
+// Takes the path through a face.
+void stepped_cross(inout Path path, ChartState state, uint face) {
+    Geodesic g = geo_cross(Isometry(io_faces[face].linear, io_faces[face].shift), io_faces[face].plane,
+                           integrate_geodesic(state));
+    state = integrate_state(g);
+    path.point.xyz = state.c;
+    path.velocity.xyz = state.v;
+    walk_passed(path, face);
+    if (!integrate_finite(state)) path.status = PATH_GONE;
+}
+
+// First share of the step at which it passes out through the plane; infinite if it ends inside.
+float stepped_exit(Dense dense, vec4 plane) {
+    vec3 n = plane.xyz;
+    float r0 = dot(n, dense.c[0]) + plane.w;
+    float r1 = dot(n, dense.c[1]);
+    if (!(r0 + r1 > 0.0)) return M_INFINITY;
+    float r2 = dot(n, dense.c[2]);
+    float r3 = dot(n, dense.c[3]);
+    float r4 = dot(n, dense.c[4]);
+    if (r2 == 0.0 && r3 == 0.0 && r4 == 0.0) return r0 < 0.0 ? -r0 / r1 : r1 > 0.0 ? 0.0 : M_INFINITY;
+    float low = 0.0;
+    float f_low = r0;
+    if (r0 >= 0.0) {
+        if (r1 + r2 > 0.0) return 0.0;
+        // From the plane inwards and back out again.
+        for (int i = 1; i < 8 && f_low >= 0.0; i++) {
+            low = 0.125 * float(i);
+            float rest = 1.0 - low;
+            f_low = r0 + low * (r1 + rest * (r2 + low * (r3 + rest * r4)));
+        }
+        if (f_low >= 0.0) return M_INFINITY;
+    }
+    // Regula falsi, the end that stays counting half (the Illinois method).
+    float high = 1.0;
+    float f_high = r0 + r1;
+    float share = high;
+    for (int i = 0; i < 12; i++) {
+        share = clamp(high - f_high * (high - low) / (f_high - f_low), low, high);
+        float rest = 1.0 - share;
+        float f = r0 + share * (r1 + rest * (r2 + share * (r3 + rest * r4)));
+        if (abs(f) < 1e-8 || high - low < 1e-7) break;
+        if (f > 0.0) {
+            high = share;
+            f_high = f;
+            f_low *= 0.5;
+        } else {
+            low = share;
+            f_low = f;
+            f_high *= 0.5;
+        }
+    }
+    return share;
+}
+
+// Largest share of the step up to which the segment stays within the tolerance of the polynomial.
+float stepped_share(Dense dense, float tolerance) {
+    vec3 a0 = dense.v[1] + dense.v[2];
+    vec3 a1 = dense.v[1] - dense.v[2] - dense.v[3];
+    return sqrt(8.0 * tolerance / max(dense.h * max(length(a0), length(a1)), 1e-30));
+}
+
+// The segment of the first part of a step.
+Segment stepped_piece(Dense dense, float share, bool first) {
+    Segment segment = Segment(dense.c[0], dense_nested(dense.c, share) - dense.c[0]);
+    float slack = IO_OVERLAP * inversesqrt(max(dot(segment.direction, segment.direction), 1e-12));
+    if (!first) segment.origin -= slack * segment.direction;
+    segment.direction *= first ? 1.0 + slack : 1.0 + 2.0 * slack;
+    return segment;
+}
+
+// Cuts an accepted step to the length up to which its segment stays within the tolerance of pictures, where the method
+// leaves the step to a tolerance.
+void stepped_shorten(ChartState start, float tolerance, inout float proposal, inout Dense dense) {
+    float longest = dense.h * stepped_share(dense, tolerance);
+    if (longest >= dense.h) return;
+    dense = integrate_step(IO_INTEGRATOR, start, longest);
+    proposal = longest;
+}
+
+bool stepped_segment(inout Path path, float limit, uint bounces, bool first, out Segment segment) {
+    if (first) {
+        ChartState start = integrate_state(walk_state(path));
+        path.point = vec4(start.c, 0.0);
+        path.velocity = vec4(start.v, 0.0);
+    }
+    uint face = 0u;
+    uint end_face = IO_FACES;
+    for (uint attempt = 0u;; attempt++) {
+        if (IO_FACES == 0u) {
+            face = io_cells[path.cell].first_face;
+            end_face = face + io_cells[path.cell].face_count;
+        } else {
+            face = 0u;
+        }
+        float worst = IO_ON_FACE;
+        uint violated = IO_END_LIMIT;
+        for (; face < end_face; face++) {
+            float side = dot(io_faces[face].plane, vec4(path.point.xyz, 1.0));
+            if (side > worst) {
+                worst = side;
+                violated = face;
+            }
+        }
+        if (violated == IO_END_LIMIT) break;
+        bool lost = attempt == IO_REDUCE_LIMIT;
+        if (lost) count(IO_COUNT_LOST);
+        if (lost || path.bounces == bounces) path.status = PATH_GONE;
+        if (path.status != PATH_GONE) stepped_cross(path, stepped_state(path), violated);
+        if (path.status == PATH_GONE) return false;
+    }
+    ChartState start = stepped_state(path);
+    float rest = limit - path.travelled;
+    Dense dense;
+    bool endless = isinf(limit) && IO_FACES == 0u && io_cells[path.cell].face_count == 0u;
+    if (endless || !integrate_advance(IO_INTEGRATOR, io_view[0].integration, start, path.point.w, rest, dense)) {
+        path.status = PATH_GONE;
+        return false;
+    }
+    if (IO_INTEGRATOR == IO_INTEGRATOR_DOPRI5) stepped_shorten(start, walk_tolerance(path), path.point.w, dense);
+    path.end = dense.h < rest ? IO_END_CHORD : IO_END_LIMIT;
+    float share = 1.0;
+    if (IO_FACES == 0u) face = io_cells[path.cell].first_face; else face = 0u;
+    for (; face < end_face; face++) {
+        float exit = stepped_exit(dense, io_faces[face].plane);
+        if (exit <= share) {
+            share = exit;
+            path.end = face;
+        }
+    }
+    vec3 end = dense_nested(dense.c, share);
+    if (!integrate_finite(ChartState(end, dense.v[0] + dense.v[1]))) {
+        path.status = PATH_GONE;
+        return false;
+    }
+    path.velocity.w = dense.h;
+    path.u_end = share * dense.h;
+    path.segments++;
+    segment = stepped_piece(dense, share, first);
+    return true;
+}
+
+void stepped_transport(inout Path path, uint bounces) {
+    path.travelled += path.u_end;
+    ChartState state = dense_at(integrate_step(IO_INTEGRATOR, stepped_state(path), path.velocity.w),
+                                path.u_end / path.velocity.w);
+    if (path.end < IO_END_CHORD && path.bounces < bounces) {
+        stepped_cross(path, state, path.end);
+        return;
+    }
+    path.point.xyz = state.c;
+    path.velocity.xyz = state.v;
+    if (path.end != IO_END_CHORD) path.status = PATH_GONE;
+}
+
+#endif
