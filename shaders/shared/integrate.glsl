@@ -165,9 +165,10 @@ Geodesic integrate_follow(uint method, float parameter, Geodesic g, float t) {
         Dense dense;
         bool found = i < IO_INTEGRATE_STEPS && integrate_advance(method, parameter, state, proposal, rest, dense);
         float left = rest - dense.h;
+        bool moved = rest == dense.h || state.c != dense.c[0] + dense.c[1] || state.v != dense.v[0] + dense.v[1];
         state = ChartState(dense.c[0] + dense.c[1], dense.v[0] + dense.v[1]);
         // A step that is lost in rounding would be made for ever.
-        if (!found || left == rest || !integrate_finite(state)) return Geodesic(vec4(M_INFINITY), vec4(0.0));
+        if (!found || left == rest || !moved || !integrate_finite(state)) return Geodesic(vec4(M_INFINITY), vec4(0.0));
         rest = left;
     }
     return integrate_geodesic(state);

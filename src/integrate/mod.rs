@@ -187,8 +187,8 @@ pub struct Arrival {
 /// Why a geodesic cannot be followed to its end.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum Stop {
-    /// The states left the numbers or the chart.
-    #[error("the geodesic leaves the chart after length {0}")]
+    /// The states left the numbers or the chart, or steps no longer move them.
+    #[error("integration ends after length {0}, where the chart ends or a step is lost in rounding")]
     Chart(f64),
     /// The length takes more steps than [`MAX_STEPS`].
     #[error("the length takes more than {MAX_STEPS} steps")]
@@ -224,9 +224,9 @@ fn march<T: Real, G: Geometry, S: Stepper>(geometry: G, stepper: S, g: Geodesic,
         }
         let (dense, next) = stepper.advance(&field, state, proposal, rest).ok_or(stopped)?;
         // A step that is lost in rounding would be made for ever.
-        let left = rest - dense.h;
+        let (left, before) = (rest - dense.h, state);
         state = dense.end();
-        if left == rest || !state.is_finite() || geometry.unchart(state.c.to_f64()).is_none() {
+        if left == rest || (state == before && left != zero) || !state.is_finite() || geometry.unchart(state.c.to_f64()).is_none() {
             return Err(stopped);
         }
         (rest, proposal, steps) = (left, next, steps + 1);

@@ -100,7 +100,7 @@ fn holds<S: Stepper>(entry: &Entry, stepper: S, single: bool) -> Result<(), Stri
     let order = f64::from(S::ORDER);
     // In f32 the last error is not far enough above rounding, and the first step is long.
     let kept = if single {
-        measured[0] > order - 0.6 && measured[0] < order + 1.5
+        measured[0] > order - 0.8 && measured[0] < order + 2.0
     } else {
         // Terms of higher order still show in the first pair.
         let [slack, above] = if S::ORDER == 1 { [0.1, 0.1] } else { [0.5, 1.0] };
@@ -111,13 +111,15 @@ fn holds<S: Stepper>(entry: &Entry, stepper: S, single: bool) -> Result<(), Stri
 
 #[test]
 fn integrate_orders_are_as_promised() {
+    let mut wrong = Vec::new();
     for entry in GEOMETRIES {
         for single in [false, true] {
-            holds(entry, Euler { step: 1.0 }, single).expect("euler");
-            holds(entry, Rk4 { step: 1.0 }, single).expect("rk4");
-            holds(entry, Dopri5 { tolerance: 1.0 }, single).expect("dopri5");
+            wrong.extend(holds(entry, Euler { step: 1.0 }, single).err());
+            wrong.extend(holds(entry, Rk4 { step: 1.0 }, single).err());
+            wrong.extend(holds(entry, Dopri5 { tolerance: 1.0 }, single).err());
         }
     }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
 /// A stepper with an error of second order in a step, as a wrong weight makes.
