@@ -74,6 +74,7 @@
 pub mod cli;
 pub mod geometry;
 pub mod integrate;
+pub mod measure;
 pub mod render;
 pub mod scene;
 pub mod shader_io;

@@ -134,7 +134,9 @@ impl Engine {
                 return Err(Failure::refused(anyhow!("rt traces pictures: for single geodesics use compute or cpu")));
             }
             (Some(BackendChoice::Cpu), Some(Precision::F32)) => {
-                return Err(Failure::refused(anyhow!("the cpu computes exact flows in f64: for f32 use --backend compute")));
+                return Err(Failure::refused(anyhow!(
+                    "the cpu computes exact flows in f64: for f32 use --backend compute"
+                )));
             }
             (Some(BackendChoice::Compute), Some(Precision::F64)) => {
                 return Err(Failure::refused(anyhow!("the device computes in f32: for f64 use --backend cpu")));

@@ -3,6 +3,7 @@
 //!
 //! Exit codes: 0 done, 1 refused input, 2 failed. Errors are one line on stderr; `--json` alone goes to stdout.
 
+mod accuracy;
 mod batch;
 mod check;
 mod devices;
@@ -99,6 +100,8 @@ enum Command {
     Devices(DevicesArgs),
     /// Compute the end of a geodesic in a model geometry.
     Geodesic(GeodesicArgs),
+    /// Measure error against run time of integrators, tolerances and backends.
+    Accuracy(AccuracyArgs),
     /// Follow a geodesic, or a pixel's ray, through the faces of a space.
     Transport(TransportArgs),
 }
@@ -142,13 +145,13 @@ impl Integrator {
         match (self, step, tolerance) {
             (Self::Exact, Some(_), _) => refuse("--step needs --integrator euler or rk4"),
             (Self::Dopri5, Some(_), _) => refuse("--step: dopri5 chooses its steps by --tolerance"),
-            (Self::Euler | Self::Rk4, _, Some(_)) => refuse("--tolerance: this integrator has a --step and no tolerance"),
+            (Self::Euler | Self::Rk4, _, Some(_)) => {
+                refuse("--tolerance: this integrator has a --step and no tolerance")
+            }
             (Self::Exact, None, _) => Ok(Method::Exact),
             (Self::Euler, step, None) => Ok(Method::Euler { step: step.unwrap_or(Self::STEP) }),
             (Self::Rk4, step, None) => Ok(Method::Rk4 { step: step.unwrap_or(Self::STEP) }),
-            (Self::Dopri5, None, tolerance) => {
-                Ok(Method::Dopri5 { tolerance: tolerance.unwrap_or(Self::TOLERANCE) })
-            }
+            (Self::Dopri5, None, tolerance) => Ok(Method::Dopri5 { tolerance: tolerance.unwrap_or(Self::TOLERANCE) }),
         }
     }
 }
@@ -279,6 +282,40 @@ struct GeodesicArgs {
 }
 
 #[derive(Args)]
+struct AccuracyArgs {
+    /// TOML scene files or names of shipped scenes, whose pictures are compared with a converged reference; without any
+    /// scene or geometry, all geometries.
+    scenes: Vec<String>,
+    /// Model geometry whose geodesics are measured. Repeatable.
+    #[arg(long, value_name = "G", value_parser = PossibleValuesParser::new(GEOMETRIES.iter().map(|e| e.name)))]
+    geometry: Vec<String>,
+    /// All geometries beside the scenes.
+    #[arg(long, conflicts_with = "geometry")]
+    all: bool,
+    /// A scene to draw with Euler's steps against numbers of bounces, as the book's Figure 5.5 does.
+    #[arg(long, value_name = "SCENE")]
+    figure: Option<String>,
+    /// Measure what the scenes leave out, by keeping each part in.
+    #[arg(long)]
+    leave_out: bool,
+    /// Folder for accuracy.json, .csv, .svg and the files of further tables and plots; made if it is not there.
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Size of the pictures.
+    #[arg(long, value_name = "WxH", default_value = "128x96", value_parser = parse_size)]
+    size: [u32; 2],
+    /// Backends to measure. Repeatable; cpu, and compute where there is a device, if not given.
+    #[arg(long, value_enum)]
+    backend: Vec<BackendChoice>,
+    /// Seconds of a frame after which Euler's step is halved no more.
+    #[arg(long, value_name = "S", default_value_t = 8.0, value_parser = parse_positive)]
+    limit: f64,
+    /// Print the report as JSON instead of tables.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Args)]
 struct TransportArgs {
     #[arg(help = SCENE_HELP)]
     scene: String,
@@ -324,6 +361,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Outcome {
         Command::Check(args) => check::run(&args),
         Command::Devices(args) => devices::run(&args),
         Command::Geodesic(args) => geodesic::run(&args),
+        Command::Accuracy(args) => accuracy::run(&args),
         Command::Transport(args) => transport::run(&args),
     }
 }

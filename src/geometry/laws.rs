@@ -304,7 +304,10 @@ fn chart_vector_inverts<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let image = geometry.chart_vector(point, velocity);
     worse(
         gap4(geometry.unchart_vector(point, image), velocity),
-        gap4(geometry.chart_vector(point, geometry.unchart_vector(point, s.conormal)).extend(0.0), s.conormal.extend(0.0)),
+        gap4(
+            geometry.chart_vector(point, geometry.unchart_vector(point, s.conormal)).extend(0.0),
+            s.conormal.extend(0.0),
+        ),
     )
 }
 

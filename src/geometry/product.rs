@@ -310,7 +310,8 @@ impl<P: Product> Geometry for P {
     fn spray<T: Real>(&self, c: Real3<T>, v: Real3<T>) -> Real3<T> {
         let number = T::from_f64;
         let curvature = number(P::CURVATURE);
-        let rate = number(2.0) * curvature * (c.x * v.x + c.y * v.y) / (number(1.0) + curvature * (c.x * c.x + c.y * c.y));
+        let rate =
+            number(2.0) * curvature * (c.x * v.x + c.y * v.y) / (number(1.0) + curvature * (c.x * c.x + c.y * c.y));
         Real3::new(v.x * rate, v.y * rate, number(0.0))
     }
 

@@ -352,11 +352,7 @@ impl Geometry for Sl2 {
         let across = (x * b - y * a) / (w * (one + w));
         let (turn_x, turn_y) = (fibre * (b - x * across) / w, fibre * (-a - y * across) / w);
         let straight = -(two * square * (c.x * v.x + c.y * v.y));
-        Real3::new(
-            straight * v.x + turn_x,
-            straight * v.y + turn_y,
-            (two * fibre - v.z) * (x * a + y * b) / (one + w),
-        )
+        Real3::new(straight * v.x + turn_x, straight * v.y + turn_y, (two * fibre - v.z) * (x * a + y * b) / (one + w))
     }
 
     fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4 {

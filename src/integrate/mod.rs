@@ -226,7 +226,11 @@ fn march<T: Real, G: Geometry, S: Stepper>(geometry: G, stepper: S, g: Geodesic,
         // A step that is lost in rounding would be made for ever.
         let (left, before) = (rest - dense.h, state);
         state = dense.end();
-        if left == rest || (state == before && left != zero) || !state.is_finite() || geometry.unchart(state.c.to_f64()).is_none() {
+        if left == rest
+            || (state == before && left != zero)
+            || !state.is_finite()
+            || geometry.unchart(state.c.to_f64()).is_none()
+        {
             return Err(stopped);
         }
         (rest, proposal, steps) = (left, next, steps + 1);

@@ -24,8 +24,7 @@ impl Stepper for Rk4 {
         let a3 = field(c + v2 * half, v3);
         let v4 = v + a3 * h;
         let a4 = field(c + v3 * h, v4);
-        let end =
-            State { c: c + (v + (v2 + v3) * two + v4) * sixth, v: v + (a1 + (a2 + a3) * two + a4) * sixth };
+        let end = State { c: c + (v + (v2 + v3) * two + v4) * sixth, v: v + (a1 + (a2 + a3) * two + a4) * sixth };
         Dense::hermite(start, a1, end, field(end.c, end.v), h)
     }
 

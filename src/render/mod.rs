@@ -183,6 +183,13 @@ impl Target {
     }
 }
 
+/// The sRGB transfer function (IEC 61966-2-1), rounded to 8 bits.
+pub fn srgb_byte(linear: f32) -> u8 {
+    let x = linear.clamp(0.0, 1.0);
+    let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+    (encoded * 255.0 + 0.5) as u8
+}
+
 /// What a picture cost.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Stats {

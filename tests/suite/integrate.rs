@@ -8,7 +8,10 @@ use holonomy::{
         Entry, GEOMETRIES, Geodesic, Geometry, GeometryId, Real, Real3, Visitor, exponential, settle_geodesic, visit,
     },
     integrate::{Dense, Dopri5, Euler, Field, Method, Rk4, State, Stepper, Stop, follow},
-    render::{Backend, Shot, Target, compute::ComputeBackend, compute::probe::Probe, cpu::CpuBackend, plan::Plan, world::World},
+    render::{
+        Backend, Shot, Target, compute::ComputeBackend, compute::probe::Probe, cpu::CpuBackend, plan::Plan,
+        world::World,
+    },
     scene::file,
     shader_io::{self as io, ProbeIn},
     space::{catalogue, domain::Domain, reduce, stepped},
@@ -446,9 +449,11 @@ fn integrate_pictures_converge_and_agree_on_the_device() {
     for name in ["nil-heisenberg", "s2xs1", "seifert-weber", "poincare"] {
         let mut cpu = CpuBackend::default();
         let exact = draw(&mut cpu, name, Method::Exact);
-        for (method, limit) in
-            [(Method::Euler { step: 0.02 }, 0.3), (Method::Rk4 { step: 0.02 }, 0.03), (Method::Dopri5 { tolerance: 1e-6 }, 0.02)]
-        {
+        for (method, limit) in [
+            (Method::Euler { step: 0.02 }, 0.3),
+            (Method::Rk4 { step: 0.02 }, 0.03),
+            (Method::Dopri5 { tolerance: 1e-6 }, 0.02),
+        ] {
             let drawn = draw(&mut cpu, name, method);
             let off = different(&exact, &drawn);
             println!("{name} {}: {:.2} % of the pixels differ from exact", method.name(), 100.0 * off);

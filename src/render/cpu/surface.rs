@@ -222,11 +222,8 @@ impl<G: Geometry> Tracer<'_, G> {
         // The state at the hit, on the geodesic itself.
         let mut at = segment.origin + segment.direction * s;
         let straight = G::STRAIGHT && self.uses.method == Method::Exact;
-        let u = if straight {
-            self.geometry.parameter(path.state, at)
-        } else {
-            self.refined(path, segment, reference, s)
-        };
+        let u =
+            if straight { self.geometry.parameter(path.state, at) } else { self.refined(path, segment, reference, s) };
         path.status = Status::Hit;
         match self.step_of(path) {
             Some(dense) => stepped::arrive(self.geometry, &dense, path, u),

@@ -5,7 +5,7 @@ use super::{
     surface::{NO_HIT, Surface, is_hole, quadric_hit, triangle_hit},
 };
 use crate::{
-    geometry::Geometry,
+    geometry::{Geometry, Isometry},
     integrate::Method,
     render::{
         Shot,
@@ -77,6 +77,11 @@ impl<'a, G: Geometry> Tracer<'a, G> {
             chord_tolerance: shot.chord_tolerance(world.settings.tolerance),
             uses,
         }
+    }
+
+    /// The pairing of a face.
+    pub fn pairing(&self, face: usize) -> &Isometry {
+        &self.world.domain.faces[face].pairing
     }
 
     pub(super) fn count(&self, counts: &mut Counts, what: u32) {
