@@ -76,8 +76,10 @@ structures! {
         max_distance: float,
         /// Colour times intensity of the light at the viewer, linear.
         headlight: vec3,
-        /// Largest deviation of a chord from its geodesic at unit distance, as an angle seen from the eye.
-        chord_tolerance: float,
+        /// Largest deviation of an arc from its geodesic, as an angle seen from the eye.
+        tolerance: float,
+        /// Largest way from the chord of a segment to its arc, in chart units.
+        sagitta: float,
         /// Width and height in pixels.
         size: uvec2,
         /// Largest number of face passages.
@@ -112,6 +114,8 @@ structures! {
         first_triangle: uint,
         /// Number of triangles.
         count: uint,
+        /// Boxes about its triangles reach this far beyond them.
+        margin: float,
     }
 
     /// A vertex of a mesh at rest.
@@ -192,6 +196,14 @@ structures! {
         material: uint,
         /// Index of the scene's object.
         object: uint,
+    }
+
+    /// A box about a primitive.
+    struct Box {
+        /// Its lower corner.
+        lower: vec3,
+        /// Its upper corner.
+        upper: vec3,
     }
 
     /// The surface `Σ (form · x)² = quadratic |chart|² + constant`, `x = (chart, 1)`.
@@ -351,17 +363,28 @@ numbers! {
     /// Segments reach this far beyond both ends, in chart units, so that a surface that passes through a face is
     /// met by the segment before the face or by the one behind it whatever the rounding.
     OVERLAP: float = 4e-6;
-    /// Length of a chord in an unbounded cell where the curve parameter does not reach the path's end.
+    /// Boxes for a device's traversal are larger than what is in them by this, in units of their coordinates and of the
+    /// chart: the rounding of f32.
+    BOX_SLACK: float = 4e-6;
+    /// f32 counterpart of the cpu backend's slack at the edges of triangles that arcs meet, in chart units.
+    ON_EDGE: float = 2.5e-7;
+    /// Times that a segment whose chord is too far from its arc is made shorter.
+    SAGITTA_STEPS: uint = 4;
+    /// A curve that leaves a cell and comes back within one arc, no farther outside than this many times what the arc may
+    /// deviate, has not left. (Chart and metric differ by less than that in a cell.)
+    FACE_MARGIN: float = 8.0;
+    /// Length of the longest arc, and of a segment in an unbounded cell where the curve parameter does not reach the
+    /// path's end.
     STRIDE: float = 2.0;
     /// A path's segment ends where the path ends.
     END_LIMIT: uint = 0xffff_ffff;
-    /// A path's segment is a chord that ends inside the cell.
-    END_CHORD: uint = 0xffff_fffe;
+    /// A path's segment is an arc that ends inside the cell.
+    END_ARC: uint = 0xffff_fffe;
     /// Face passages of a shadow ray after which its light counts as reached.
     SHADOW_BOUNCES: uint = 64;
     /// Light falls off as if it came from no nearer than this, so that a light at a surface stays finite.
     MIN_LIGHT_AREA: float = 1e-4;
-    /// Segments per permitted bounce after which a path is given up: chords of curved geodesics are counted.
+    /// Segments per permitted bounce after which a path is given up: arcs of curved geodesics are counted.
     SEGMENTS_PER_BOUNCE: uint = 4096;
     /// Pixels across one workgroup.
     GROUP_WIDTH: uint = 8;
@@ -426,8 +449,8 @@ numbers! {
     PROBE_ADVANCE: uint = 6;
     /// Probe: `geo_exit`.
     PROBE_EXIT: uint = 7;
-    /// Probe: `geo_chord`.
-    PROBE_CHORD: uint = 8;
+    /// Probe: `geo_arc`.
+    PROBE_ARC: uint = 8;
     /// Probe: `geo_parameter`.
     PROBE_PARAMETER: uint = 9;
     /// Probe: `geo_restore`.
@@ -598,6 +621,10 @@ bindings! {
     21 placed: writeonly Triangle;
     /// Their shading data, to be written.
     22 placed_shading: writeonly TriangleShading;
+    /// The boxes about them, to be written.
+    23 placed_boxes: writeonly Box;
+    /// Bends of the segments in flight, one for each invocation of a launch.
+    24 bends: coherent vec3;
 }
 
 /// Text of `shared/io.glsl`.

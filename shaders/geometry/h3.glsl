@@ -66,14 +66,14 @@ float geo_side(vec4 p, vec4 plane) {
     return dot(plane, p);
 }
 
-float geo_exit(Geodesic g, vec4 plane) {
+float geo_exit(Geodesic g, vec4 plane, float reach) {
     float rate = dot(plane, g.velocity);
     if (rate <= IO_ALONG_FACE) return M_INFINITY;
     float u = max(-dot(plane, g.point) / rate, 0.0);
     return u < 1.0 ? u : M_INFINITY;
 }
 
-float geo_chord(Geodesic g, float u_max, float tolerance) {
+float geo_arc(Geodesic g, float u_max, float tolerance) {
     return u_max;
 }
 

@@ -56,7 +56,7 @@ float geo_side(vec4 p, vec4 plane) {
     return dot(plane, p);
 }
 
-float geo_exit(Geodesic g, vec4 plane) {
+float geo_exit(Geodesic g, vec4 plane, float reach) {
     // a cos t + b sin t = 0 from below: tan(t/2) = -a / (sqrt(a^2 + b^2) + b).
     float a = dot(plane, g.point);
     float b = dot(plane, g.velocity);
@@ -65,7 +65,7 @@ float geo_exit(Geodesic g, vec4 plane) {
     return a < -IO_ON_FACE ? (radius - b) / -a : M_INFINITY;
 }
 
-float geo_chord(Geodesic g, float u_max, float tolerance) {
+float geo_arc(Geodesic g, float u_max, float tolerance) {
     return u_max;
 }
 

@@ -66,29 +66,33 @@ float stepped_exit(Dense dense, vec4 plane) {
     return share;
 }
 
-// Largest share of the step up to which the segment stays within the tolerance of the polynomial.
+// Largest share of the step up to which the arc stays within the tolerance of the polynomial. Its third derivative is
+// taken for constant.
 float stepped_share(Dense dense, float tolerance) {
-    vec3 a0 = dense.v[1] + dense.v[2];
-    vec3 a1 = dense.v[1] - dense.v[2] - dense.v[3];
-    return sqrt(8.0 * tolerance / max(dense.h * max(length(a0), length(a1)), 1e-30));
+    if (GEO_STRAIGHT) return 1.0;
+    float change = dense.h * length(2.0 * dense.v[2] + dense.v[3]);
+    return pow(96.0 * tolerance / max(change, 1e-30), 1.0 / 3.0);
 }
 
-// The segment of the first part of a step.
-Segment stepped_piece(Dense dense, float share, bool first) {
-    Segment segment = Segment(dense.c[0], dense_nested(dense.c, share) - dense.c[0]);
-    float slack = IO_OVERLAP * inversesqrt(max(dot(segment.direction, segment.direction), 1e-12));
-    if (!first) segment.origin -= slack * segment.direction;
-    segment.direction *= first ? 1.0 + slack : 1.0 + 2.0 * slack;
+// The segment of the first part of a step: straight for Euler's method, else the arc with the same ends and change of
+// velocity.
+Segment stepped_piece(Dense dense, float share) {
+    ChartState end = dense_at(dense, share);
+    Segment segment = Segment(dense.c[0], end.c - dense.c[0], vec3(0.0));
+    if (!GEO_STRAIGHT && IO_INTEGRATOR != IO_INTEGRATOR_EULER) segment.bend = 0.5 * share * dense.h * (dense.v[0] - end.v);
     return segment;
 }
 
-// Cuts an accepted step to the length up to which its segment stays within the tolerance of pictures, where the method
-// leaves the step to a tolerance.
+// Cuts an accepted step to where its segment is fit for pictures: as near to its chord as traversal looks for it and,
+// where the method leaves the step to a tolerance, within the tolerance of pictures.
 void stepped_shorten(ChartState start, float tolerance, inout float proposal, inout Dense dense) {
-    float longest = dense.h * stepped_share(dense, tolerance);
-    if (longest >= dense.h) return;
-    dense = integrate_step(IO_INTEGRATOR, start, longest);
-    proposal = longest;
+    float share = IO_INTEGRATOR == IO_INTEGRATOR_DOPRI5 ? min(stepped_share(dense, tolerance), 1.0) : 1.0;
+    vec3 size = abs(stepped_piece(dense, 1.0).bend);
+    float sagitta = 0.25 * max(size.x, max(size.y, size.z));
+    if (sagitta > io_view[0].sagitta) share = min(share, 0.9 * sqrt(io_view[0].sagitta / sagitta));
+    if (share >= 1.0) return;
+    dense = integrate_step(IO_INTEGRATOR, start, share * dense.h);
+    proposal = dense.h;
 }
 
 bool stepped_segment(inout Path path, float limit, uint bounces, bool first, out Segment segment) {
@@ -130,8 +134,8 @@ bool stepped_segment(inout Path path, float limit, uint bounces, bool first, out
         path.status = PATH_GONE;
         return false;
     }
-    if (IO_INTEGRATOR == IO_INTEGRATOR_DOPRI5) stepped_shorten(start, walk_tolerance(path), path.point.w, dense);
-    path.end = dense.h < rest ? IO_END_CHORD : IO_END_LIMIT;
+    if (IO_INTEGRATOR != IO_INTEGRATOR_EULER) stepped_shorten(start, walk_tolerance(path), path.point.w, dense);
+    path.end = dense.h < rest ? IO_END_ARC : IO_END_LIMIT;
     float share = 1.0;
     if (IO_FACES == 0u) face = io_cells[path.cell].first_face; else face = 0u;
     for (; face < end_face; face++) {
@@ -149,7 +153,7 @@ bool stepped_segment(inout Path path, float limit, uint bounces, bool first, out
     path.velocity.w = dense.h;
     path.u_end = share * dense.h;
     path.segments++;
-    segment = stepped_piece(dense, share, first);
+    segment = segment_extended(stepped_piece(dense, share), first);
     return true;
 }
 
@@ -157,13 +161,13 @@ void stepped_transport(inout Path path, uint bounces) {
     path.travelled += path.u_end;
     ChartState state = dense_at(integrate_step(IO_INTEGRATOR, stepped_state(path), path.velocity.w),
                                 path.u_end / path.velocity.w);
-    if (path.end < IO_END_CHORD && path.bounces < bounces) {
+    if (path.end < IO_END_ARC && path.bounces < bounces) {
         stepped_cross(path, state, path.end);
         return;
     }
     path.point.xyz = state.c;
     path.velocity.xyz = state.v;
-    if (path.end != IO_END_CHORD) path.status = PATH_GONE;
+    if (path.end != IO_END_ARC) path.status = PATH_GONE;
 }
 
 #endif

@@ -63,8 +63,11 @@ pub(super) fn run(args: &AccuracyArgs) -> Outcome {
     write(args, settings, findings)
 }
 
+/// Backends, and the device of `compute`.
+type Opened = (Vec<Box<dyn Backend>>, Option<Arc<Context>>);
+
 /// The backends asked for, and the device of `compute`. Without a wish: the cpu, and compute where a device has it.
-fn open(wish: &[BackendChoice]) -> Result<(Vec<Box<dyn Backend>>, Option<Arc<Context>>), Failure> {
+fn open(wish: &[BackendChoice]) -> Result<Opened, Failure> {
     let context = |tier| {
         let options = ContextOptions { tier, ..ContextOptions::from_env().map_err(Failure::vulkan)? };
         Context::new(&options).map_err(Failure::vulkan)

@@ -193,7 +193,7 @@ struct RenderArgs {
     /// Length of the steps of euler and rk4, 0.05 if not given; each is a segment.
     #[arg(long, value_name = "H", value_parser = parse_positive)]
     step: Option<f64>,
-    /// With exact: largest deviation of a chord from its geodesic, as a share of a pixel, instead of the scene's. With
+    /// With exact: largest deviation of an arc from its geodesic, as a share of a pixel, instead of the scene's. With
     /// dopri5: largest error of a step, 1e-6 if not given.
     #[arg(long, value_name = "E", value_parser = parse_positive)]
     tolerance: Option<f64>,

@@ -108,7 +108,7 @@ impl Real for Double {
     }
 
     fn exp(self) -> Self {
-        if !(self.high.abs() < 700.0) {
+        if self.high.is_nan() || self.high.abs() > 700.0 {
             return Self::from_f64(self.high.exp());
         }
         let turns = (self.high / std::f64::consts::LN_2).round();

@@ -7,17 +7,18 @@
 //! a root. There the state goes over to the geometry's own coordinates, through the pairing, and back; nothing is
 //! normalised. A hit brings it back for good, with unit velocity, which is what shading wants.
 //!
-//! The steps of `euler` and `rk4` are segments as they are, as in the book. `dopri5`, which knows no length but its
-//! tolerance, makes a step no longer than its segment stays within the tolerance of pictures; lengths are taken in the
-//! chart for that, which a cell distorts by a small factor.
+//! The steps of `euler` are straight segments, as in the book. Those of `rk4` and `dopri5` are arcs of parabolas as those of
+//! the exact flow are; a step is cut where traversal would not look for its arc, and `dopri5`, which knows no length but its
+//! tolerance, makes no step whose arc leaves the tolerance of pictures. Lengths are taken in the chart for that, which a cell
+//! distorts by a small factor.
 
 use super::{
     domain::Domain,
     reduce::{Arrival, MAX_FACES},
-    walk::{End, Path, Segment, Status, deviation_at},
+    walk::{End, Follow, Path, Status, deviation_at},
 };
 use crate::{
-    geometry::{Geodesic, Geometry, ON_FACE, Real3},
+    geometry::{Geodesic, Geometry, ON_FACE, Real3, Segment},
     integrate::{Dense, Dopri5, Euler, Method, Rk4, State, Stepper},
     shader_io::REDUCE_LIMIT,
 };
@@ -117,23 +118,23 @@ pub fn exit(dense: &Dense<f64>, plane: DVec4) -> f64 {
     share
 }
 
-/// Largest share of a step up to which its segment stays within the tolerance of its polynomial.
-fn segment_share(dense: &Dense<f64>, tolerance: f64) -> f64 {
-    let v = dense.v.map(Real3::to_f64);
-    let change = (v[1] + v[2]).length().max((v[1] - v[2] - v[3]).length());
-    (8.0 * tolerance / (dense.h * change).max(f64::MIN_POSITIVE)).sqrt()
+/// Largest share of a step up to which its arc stays within the tolerance of its polynomial. The third derivative is
+/// taken for constant, as the change of the acceleration over the step.
+fn arc_share<G: Geometry>(dense: &Dense<f64>, tolerance: f64) -> f64 {
+    if G::STRAIGHT {
+        return 1.0;
+    }
+    let change = dense.h * (dense.v[2] * 2.0 + dense.v[3]).to_f64().length();
+    (96.0 * tolerance / change.max(f64::MIN_POSITIVE)).cbrt()
 }
 
-/// The segment of the first part of a step.
-fn segment(dense: &Dense<f64>, share: f64, first: bool) -> Segment {
-    let origin = dense.c[0].to_f64();
-    let direction = dense.point(share).to_f64() - origin;
-    let slack = OVERLAP / direction.length().max(1e-9);
-    if first {
-        Segment { origin, direction: direction * (1.0 + slack) }
-    } else {
-        Segment { origin: origin - direction * slack, direction: direction * (1.0 + 2.0 * slack) }
-    }
+/// The segment of the first part of a step: straight for Euler's method, else the arc with the same ends and change of
+/// velocity.
+fn segment<G: Geometry>(dense: &Dense<f64>, share: f64, method: Method) -> Segment {
+    let (origin, end) = (dense.c[0].to_f64(), dense.at(share));
+    let straight = G::STRAIGHT || matches!(method, Method::Euler { .. });
+    let bend = (dense.v[0] - end.v).to_f64() * if straight { 0.0 } else { 0.5 * share * dense.h };
+    Segment { origin, direction: end.c.to_f64() - origin, bend }
 }
 
 /// As [`walk::stage_segment`](super::walk::stage_segment), by the steps of `method`.
@@ -142,7 +143,7 @@ pub fn stage_segment<G: Geometry>(
     domain: &Domain,
     path: &mut Path,
     bounces: u32,
-    tolerance: f64,
+    follow: Follow,
     method: Method,
     mut crossed: impl FnMut(usize),
 ) -> Option<Segment> {
@@ -179,14 +180,21 @@ pub fn stage_segment<G: Geometry>(
         path.status = Status::Gone;
         return None;
     };
+    // A segment must be as near to its chord as traversal looks for it and, where the method leaves the step to a
+    // tolerance, within the tolerance of pictures.
+    let mut longest = 1.0_f64;
     if let Method::Dopri5 { .. } = method {
-        let longest = dense.h * segment_share(&dense, deviation_at(path.travelled, tolerance));
-        if longest < dense.h {
-            dense = step(geometry, method, state(path), longest);
-            proposal = longest;
-        }
+        longest = longest.min(arc_share::<G>(&dense, deviation_at(path.travelled, follow.tolerance)));
     }
-    path.end = if dense.h < rest { End::Chord } else { End::Limit };
+    let sagitta = 0.25 * segment::<G>(&dense, 1.0, method).bend.abs().max_element();
+    if sagitta > follow.sagitta {
+        longest = longest.min(0.9 * (follow.sagitta / sagitta).sqrt());
+    }
+    if longest < 1.0 {
+        dense = step(geometry, method, state(path), longest * dense.h);
+        proposal = dense.h;
+    }
+    path.end = if dense.h < rest { End::Arc } else { End::Limit };
     let mut share = 1.0;
     for face in faces(path.cell) {
         let exit = exit(&dense, domain.faces[face].plane);
@@ -203,7 +211,9 @@ pub fn stage_segment<G: Geometry>(
     path.state.velocity.w = dense.h;
     path.u_end = share * dense.h;
     path.segments += 1;
-    Some(segment(&dense, share, first))
+    let segment = segment::<G>(&dense, share, method);
+    let slack = OVERLAP / segment.direction.length().max(1e-9);
+    Some(segment.extended(if first { 0.0 } else { slack }, slack))
 }
 
 /// As [`walk::stage_transport`](super::walk::stage_transport), by the steps of `method`.
@@ -223,7 +233,7 @@ pub fn stage_transport<G: Geometry>(
             cross(geometry, domain, path, end, face);
             crossed(face);
         }
-        End::Chord => put(path, end),
+        End::Arc => put(path, end),
         End::Face(_) | End::Limit => {
             put(path, end);
             path.status = Status::Gone;
@@ -246,7 +256,7 @@ pub fn transport<G: Geometry>(
     while path.status == Status::Flying {
         // Segments as long as the steps are.
         let pass = |face: usize| faces.push(face);
-        stage_segment(geometry, domain, &mut path, MAX_FACES, f64::INFINITY, method, pass)?;
+        stage_segment(geometry, domain, &mut path, MAX_FACES, Follow::EXACTLY, method, pass)?;
         stage_transport(geometry, domain, &mut path, MAX_FACES, method, |face| faces.push(face));
     }
     let state = geometry.restore(state(&path).geodesic(geometry)?);

@@ -135,6 +135,11 @@ pub trait Tracer: Debug + Sized {
     fn trace<'a>(&'a self, recorder: &mut Recorder<'a>, set: &'a BufferSet, tile: &Dispatch)
     -> Result<(), VulkanError>;
 
+    /// Bytes that it needs for each pixel of a launch, as the array `bends`.
+    fn bytes_per_pixel(&self) -> u64 {
+        0
+    }
+
     /// Bytes of what it holds besides the bound buffers.
     fn memory(&self) -> u64 {
         0
@@ -342,6 +347,10 @@ impl<T: Tracer> Picture<'_, T> {
         bound.push(Bound::whole(binding::pixels, &pixels));
         if let Some((counts, _)) = &self.loaded.counters {
             bound.push(Bound::whole(binding::counts, counts));
+        }
+        let bends = pixels.size() / PIXEL_BYTES * self.loaded.tracer.bytes_per_pixel();
+        if bends > 0 {
+            bound.push(Bound::whole(binding::bends, &Arc::new(Buffer::new(context, "bends", bends)?)));
         }
         for unused in 0..BINDINGS as u32 {
             if bound.iter().all(|b| b.binding != unused) {
