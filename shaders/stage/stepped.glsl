@@ -130,7 +130,8 @@ bool stepped_segment(inout Path path, float limit, uint bounces, bool first, out
     float rest = limit - path.travelled;
     Dense dense;
     bool endless = isinf(limit) && IO_FACES == 0u && io_cells[path.cell].face_count == 0u;
-    if (endless || !integrate_advance(IO_INTEGRATOR, io_view[0].integration, start, path.point.w, rest, dense)) {
+    if (endless || !integrate_advance(IO_INTEGRATOR, io_view[0].integration, start, path.point.w,
+                                       min(rest, IO_STRIDE), dense)) {
         path.status = PATH_GONE;
         return false;
     }

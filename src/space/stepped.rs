@@ -20,7 +20,7 @@ use super::{
 use crate::{
     geometry::{Geodesic, Geometry, ON_FACE, Real3, Segment},
     integrate::{Dense, Dopri5, Euler, Method, Rk4, State, Stepper},
-    shader_io::REDUCE_LIMIT,
+    shader_io::{REDUCE_LIMIT, STRIDE},
 };
 use glam::DVec4;
 
@@ -175,7 +175,7 @@ pub fn stage_segment<G: Geometry>(
     }
     let rest = path.limit - path.travelled;
     let endless = rest.is_infinite() && faces(path.cell).is_empty();
-    let accepted = if endless { None } else { advance(geometry, method, path, rest) };
+    let accepted = if endless { None } else { advance(geometry, method, path, rest.min(STRIDE.into())) };
     let Some((mut dense, mut proposal)) = accepted else {
         path.status = Status::Gone;
         return None;
