@@ -42,17 +42,18 @@
 //! ```
 //!
 //! # Map of the modules
-//! `geometry ← integrate ← space ← scene ← render ← {view, cli}`, and `vulkan ← render`; a test reads the imports.
+//! `geometry ← integrate ← space ← scene ← render ← {view, measure} ← cli`, and `vulkan ← render`; a test reads the imports.
 //!
 //! | you want | look at |
 //! | --- | --- |
 //! | a formula of a geometry | `src/geometry/<name>.rs` and its twin `shaders/geometry/<name>.glsl` |
-//! | how geodesics are integrated | [`integrate`], `shaders/stage/integrate.glsl` |
+//! | how geodesics are integrated | [`integrate`], [`space::stepped`], `shaders/shared/integrate.glsl`, `shaders/stage/stepped.glsl` |
 //! | what every geometry must satisfy | [`geometry::laws`] |
 //! | a named space | [`space::catalogue`] |
 //! | how a ray passes a face | [`space::walk`], `shaders/stage/walk.glsl` |
 //! | the proof that a gluing closes | [`space::check`] |
 //! | a structure that shaders read | [`shader_io`] |
+//! | what is measured, tables and plots | [`measure`] |
 //! | an option of the command line | [`cli`] |
 //!
 //! # Recipes

@@ -44,15 +44,22 @@ float stepped_exit(Dense dense, vec4 plane) {
         }
         if (f_low >= 0.0) return M_INFINITY;
     }
-    // Regula falsi, the end that stays counting half (the Illinois method).
+    // Regula falsi, the end that stays counting half (the Illinois method). Among values that are rounding alone it would
+    // walk away again: the best is kept.
     float high = 1.0;
     float f_high = r0 + r1;
-    float share = high;
+    float best = high;
+    float least = f_high;
+    float rounding = 1.2e-7 * (abs(r0) + abs(r1) + abs(plane.w));
     for (int i = 0; i < 12; i++) {
-        share = clamp(high - f_high * (high - low) / (f_high - f_low), low, high);
+        float share = clamp(high - f_high * (high - low) / (f_high - f_low), low, high);
         float rest = 1.0 - share;
         float f = r0 + share * (r1 + rest * (r2 + share * (r3 + rest * r4)));
-        if (abs(f) < 1e-8 || high - low < 1e-7) break;
+        if (abs(f) < least) {
+            least = abs(f);
+            best = share;
+        }
+        if (least <= rounding || high - low < 1e-7) break;
         if (f > 0.0) {
             high = share;
             f_high = f;
@@ -63,7 +70,7 @@ float stepped_exit(Dense dense, vec4 plane) {
             f_high *= 0.5;
         }
     }
-    return share;
+    return best;
 }
 
 // Largest share of the step up to which the arc stays within the tolerance of the polynomial. Its third derivative is

@@ -1,5 +1,5 @@
 //! Integrators of the equation of geodesics, behind one interface, in any precision. Twin of the steps:
-//! `shaders/stage/integrate.glsl`.
+//! `shaders/shared/integrate.glsl`.
 //!
 //! The equation is the same for all geometries: in the chart, with state `(c, c′)` in R³ × R³ and arc length for time,
 //! `c″ = spray(c, c′)` ([`Geometry::spray`]). An integrator turns a state into the next and into a polynomial between

@@ -29,7 +29,7 @@ const LENGTHS: [f64; 2] = [3.0, 1.0];
 pub const FINE: f64 = 1e-17;
 
 /// Copies of the geodesics that a device follows at once, so that it is busy.
-const COPIES: usize = 256;
+const COPIES: usize = 64;
 
 /// Time for which each row is measured at least.
 const PATIENCE: Duration = Duration::from_millis(15);

@@ -100,13 +100,18 @@ pub fn exit(dense: &Dense<f64>, plane: DVec4) -> f64 {
         let Some(x) = inside else { return f64::INFINITY };
         (low, f_low) = (x, value(x));
     }
-    // Regula falsi, the end that stays counting half (the Illinois method).
+    // Regula falsi, the end that stays counting half (the Illinois method). Among values that are rounding alone it would
+    // walk away again: the best is kept.
     let (mut high, mut f_high) = (1.0, r[0] + r[1]);
-    let mut share = high;
+    let (mut best, mut least) = (high, f_high);
+    let rounding = f64::EPSILON * (r[0].abs() + r[1].abs() + plane.w.abs());
     for _ in 0..40 {
-        share = (high - f_high * (high - low) / (f_high - f_low)).clamp(low, high);
+        let share = (high - f_high * (high - low) / (f_high - f_low)).clamp(low, high);
         let f = value(share);
-        if f.abs() < 1e-16 || high - low < 1e-15 {
+        if f.abs() < least {
+            (best, least) = (share, f.abs());
+        }
+        if least <= rounding || high - low < 1e-15 {
             break;
         }
         if f > 0.0 {
@@ -115,7 +120,7 @@ pub fn exit(dense: &Dense<f64>, plane: DVec4) -> f64 {
             (low, f_low, f_high) = (share, f, 0.5 * f_high);
         }
     }
-    share
+    best
 }
 
 /// Largest share of a step up to which its arc stays within the tolerance of its polynomial. The third derivative is
