@@ -248,6 +248,10 @@ structures! {
         base_texture: uint,
         /// Index of the metallic-roughness texture (green roughness, blue metallic), or [`NONE`].
         surface_texture: uint,
+        /// Colour from place: the base colour is multiplied with this times the chart coordinates ...
+        coordinate_scale: vec3,
+        /// ... plus this, within 0 and 1.
+        coordinate_shift: vec3,
     }
 
     /// A texture in the texel buffer. Texels are linear RGBA as four halves, so that each backend filters the
@@ -535,6 +539,8 @@ specialization! {
     alpha_mask: bool = true;
     /// A material has a texture.
     textures: bool = true;
+    /// A material is coloured by place.
+    coordinates: bool = true;
     /// There are point lights.
     lights: bool = true;
     /// A point light throws shadows.

@@ -140,7 +140,10 @@ impl Geometry for Nil {
         let (u, v, w) = (g.velocity.x, g.velocity.y, g.velocity.z.abs());
         let square = u * u + v * v;
         let (turn, lean, growth) = (w * w * square.sqrt(), w * (2.0 * u * u - v * v).abs(), 4.0 * w * w * square);
-        longest_arc(u_max, tolerance / (1.0 + 0.25 * tolerance), |t| turn.hypot(lean + growth * t))
+        longest_arc(u_max, tolerance / (1.0 + 0.25 * tolerance), |t| {
+            let along = lean + growth * t;
+            (turn * turn + along * along).sqrt()
+        })
     }
 
     fn parameter(&self, g: Geodesic, c: DVec3) -> f64 {

@@ -25,6 +25,8 @@ pub enum Feature {
     AlphaMask,
     /// Texture lookups and the texel buffer.
     Textures,
+    /// Colours from the chart's coordinates.
+    Coordinates,
     /// Point lights.
     Lights,
     /// Shadow rays.
@@ -48,6 +50,7 @@ impl Feature {
         ("quadrics", Self::Quadrics),
         ("alpha-mask", Self::AlphaMask),
         ("textures", Self::Textures),
+        ("coordinates", Self::Coordinates),
         ("lights", Self::Lights),
         ("shadows", Self::Shadows),
         ("headlight", Self::Headlight),
@@ -95,8 +98,9 @@ impl Plan {
     pub fn new(scene: &Scene, count: bool) -> Self {
         let shading = scene.settings.shading;
         let lit = shading == Shading::Riemannian;
-        let has_mesh = scene.objects.iter().any(|o| matches!(o.shape, Shape::Mesh(_)));
-        let has_round = scene.objects.iter().any(|o| !matches!(o.shape, Shape::Mesh(_)));
+        let has_mesh = scene.objects.iter().any(|o| o.shape.is_flat());
+        let has_round = scene.objects.iter().any(|o| !o.shape.is_flat());
+        let placed = used_materials(scene).any(|m| scene.materials[m].coordinates.is_some());
         let quadrics = scene.space.geometry.has_quadrics();
         let mut materials = used_materials(scene);
         let masked = materials.any(|m| scene.materials[m].alpha_cutoff.is_some());
@@ -109,12 +113,16 @@ impl Plan {
         let decide = |feature| {
             let (needed, reason) = match feature {
                 Feature::Meshes if has_round && !quadrics => (true, "balls and tubes are made of triangles here"),
-                Feature::Meshes => pick(has_mesh, "an object is a mesh", "no object is a mesh"),
+                Feature::Meshes => pick(has_mesh, "an object is made of triangles", "no object is made of triangles"),
                 Feature::Quadrics if has_round && !quadrics => (false, "balls and tubes are no quadrics here"),
                 Feature::Quadrics => pick(has_round, "an object is a ball or a tube", "no object is a ball or a tube"),
                 Feature::AlphaMask => pick(masked, "a material has an alpha mask", "no material has an alpha mask"),
                 Feature::Textures if !lit && !masked => (false, "the shading shows no colours of surfaces"),
                 Feature::Textures => pick(textured, "a material has a texture", "no material has a texture"),
+                Feature::Coordinates if !lit => (false, "the shading shows no colours of surfaces"),
+                Feature::Coordinates => {
+                    pick(placed, "a material is coloured by place", "no material is coloured by place")
+                }
                 Feature::Lights | Feature::Shadows | Feature::Headlight | Feature::Fog if !lit => {
                     (false, "the shading shows no light")
                 }
@@ -170,6 +178,7 @@ impl Plan {
             quadrics: on(Feature::Quadrics),
             alpha_mask: on(Feature::AlphaMask),
             textures: on(Feature::Textures),
+            coordinates: on(Feature::Coordinates),
             lights: on(Feature::Lights),
             shadows: on(Feature::Shadows),
             headlight: on(Feature::Headlight),

@@ -8,6 +8,7 @@
 //! - `curved`: arcs, exits, nearest points, logarithms and series of the geometries with curved geodesics.
 //! - `corners`: rays through edges and vertices, along faces, starting on faces.
 //! - `curves`: arcs, exits, logarithms and area densities against walks along the flow.
+//! - `deck`: elements of deck groups in whole numbers, against the groups themselves.
 //! - `geodesic`: errors of end points against a reference of 192 bits.
 //! - `gluing`: gluing files and Dirichlet domains.
 //! - `gltf`, `scene`: what is read, and what is refused with which words.
@@ -36,6 +37,7 @@ mod closed_form;
 mod corners;
 mod curved;
 mod curves;
+mod deck;
 mod geodesic;
 mod gltf;
 mod gluing;

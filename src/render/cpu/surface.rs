@@ -5,7 +5,7 @@ use crate::{
     geometry::{Geometry, Quadric, Segment},
     integrate::{Dense, Method},
     render::world::{World, WorldQuadric},
-    scene::{Shading, Texture, Wrap},
+    scene::{Shading, Texture, Wrap, coordinate_ramp},
     shader_io::{QUADRIC_BIT, TriangleShading},
     space::{
         stepped,
@@ -299,6 +299,11 @@ impl<G: Geometry> Tracer<'_, G> {
         surface.emission = material.emission.map(f64::from).into();
         surface.metallic = material.metallic.into();
         surface.roughness = material.roughness.into();
+        if self.uses.coordinates {
+            let (scale, shift) = coordinate_ramp(material);
+            let place = self.geometry.chart(path.state.point) * scale + shift;
+            surface.base_color *= place.clamp(DVec3::ZERO, DVec3::ONE);
+        }
         if self.uses.textures {
             if let Some(texture) = material.base_texture {
                 surface.base_color *= bilinear(&self.world.textures[texture], uv).truncate();
