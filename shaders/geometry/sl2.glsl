@@ -302,6 +302,22 @@ Geodesic geo_restore(Geodesic g) {
     return Geodesic(sl2_element(g.point.xyz), normalize(g.velocity));
 }
 
+vec4 geo_unchart_vector(vec4 p, vec3 dc) {
+    return vec4(inverse(sl2_chart_differential(p)) * dc, 0.0);
+}
+
+vec3 geo_spray(vec3 c, vec3 v) {
+    float square = 1.0 / ((1.0 - length(c.xy)) * (1.0 + length(c.xy)));
+    float w = sqrt(square);
+    vec2 x = c.xy * w;
+    vec2 a = w * (v.xy + x * (dot(x, v.xy) / (1.0 + w)));
+    float fibre = v.z - sl2_cross(a, x) / (1.0 + w);
+    vec2 turn = -sl2_perp(a);
+    vec2 bend = (turn - x * (dot(x, turn) / (w * (1.0 + w)))) * (fibre / w);
+    vec2 straight = -2.0 * square * dot(c.xy, v.xy) * v.xy;
+    return vec3(straight + bend, (2.0 * fibre - v.z) * dot(x, a) / (1.0 + w));
+}
+
 vec4 geo_raise(vec4 p, vec3 conormal) {
     return vec4(normalize(conormal * sl2_chart_differential(p)), 0.0);
 }

@@ -337,8 +337,17 @@ vec4 geo_unchart(vec3 c) {
     return vec4(c, 1.0);
 }
 
+vec4 geo_unchart_vector(vec4 p, vec3 dc) {
+    return vec4(sol_stretch(-p.z, dc.xy), dc.z, 0.0);
+}
+
 vec3 geo_chart_vector(vec4 p, vec4 v) {
     return vec3(sol_stretch(p.z, v.xy), v.z);
+}
+
+vec3 geo_spray(vec3 c, vec3 v) {
+    vec2 e = vec2(sol_exp(-c.z), sol_exp(c.z)) * v.xy;
+    return vec3(2.0 * v.z * v.x, -2.0 * v.z * v.y, e.y * e.y - e.x * e.x);
 }
 
 vec4 geo_raise(vec4 p, vec3 conormal) {

@@ -16,7 +16,7 @@
 
 use super::curved::longest_arc;
 use super::passage::{Motion, first_passage};
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric};
+use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3};
 use glam::{DMat2, DMat4, DVec2, DVec3, DVec4, Vec4Swizzles};
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -180,6 +180,12 @@ impl Geometry for Nil {
 
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {
         DVec4::new(dc.x, dc.y, dc.z - p.x * dc.y, 0.0)
+    }
+
+    /// `w = z′ − xy′` is constant and turns `(x′, y′)`.
+    fn spray<T: Real>(&self, c: Real3<T>, v: Real3<T>) -> Real3<T> {
+        let w = v.z - c.x * v.y;
+        Real3::new(-(w * v.y), w * v.x, v.x * v.y + c.x * w * v.x)
     }
 
     fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4 {

@@ -19,7 +19,7 @@
 //! Reflections of the base in vertical planes are among them.
 
 use super::{
-    Geodesic, Geometry, Isometry, ON_FACE, Quadric,
+    Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3,
     curved::{
         before_passage, cosh_sinhc, first_passage, first_zero, integrals, longest_arc, nearest_parameter, shoot,
         wave_area,
@@ -396,6 +396,26 @@ impl Geometry for Sl2 {
 
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {
         (chart_differential(p).inverse() * dc).extend(0.0)
+    }
+
+    /// The base point, with coordinates `x = kw` in the hyperboloid and velocity `v` in the frame that the boost to it
+    /// makes of the origin's, has the acceleration `−cJv`, J a right angle; that is Klein's straight motion
+    /// `−2w²(k·k′)k′` and the chart's image of `−cJv`. The fibre angle has `θ′ = c + v×x/(1+w)`, whose derivative is
+    /// `(2c − θ′)(x·v)/(1+w)` because `v` turns at the rate `θ′ − 2c`.
+    fn spray<T: Real>(&self, c: Real3<T>, v: Real3<T>) -> Real3<T> {
+        let (one, two) = (T::from_f64(1.0), T::from_f64(2.0));
+        let square = one / (one - c.x * c.x - c.y * c.y);
+        let w = square.sqrt();
+        let (x, y) = (c.x * w, c.y * w);
+        // The velocity in the boosted frame.
+        let along = (x * v.x + y * v.y) / (one + w);
+        let (a, b) = (w * (v.x + x * along), w * (v.y + y * along));
+        let fibre = v.z - (a * y - b * x) / (one + w);
+        // The image of −c J(a, b) = c (b, −a).
+        let across = (x * b - y * a) / (w * (one + w));
+        let (turn_x, turn_y) = (fibre * (b - x * across) / w, fibre * (-a - y * across) / w);
+        let straight = -(two * square * (c.x * v.x + c.y * v.y));
+        Real3::new(straight * v.x + turn_x, straight * v.y + turn_y, (two * fibre - v.z) * (x * a + y * b) / (one + w))
     }
 
     fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4 {

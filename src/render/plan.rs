@@ -6,6 +6,7 @@
 //! out saves.
 
 use crate::{
+    integrate::Method,
     scene::{Scene, Shading, Shape},
     shader_io::Specialization,
 };
@@ -80,12 +81,14 @@ pub struct Decision {
 }
 
 /// Which parts of the renderer a scene needs.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// One decision per feature, in the order of [`Feature::NAMES`].
     pub decisions: Vec<Decision>,
     /// What the picture shows.
     pub shading: Shading,
+    /// How rays are followed.
+    pub method: Method,
     /// Number of faces if the space has one cell with few enough to unroll, else 0: then rays remember their cell.
     pub faces: u32,
 }
@@ -147,7 +150,7 @@ impl Plan {
         };
         let decisions = Feature::NAMES.iter().map(|(_, feature)| decide(*feature)).collect();
         let faces = unrolled_faces(scene.space.cells.iter().map(|cell| cell.faces.len()));
-        Self { decisions, shading, faces }
+        Self { decisions, shading, method: scene.settings.method, faces }
     }
 
     /// Keeps features in that the scene does not need.
@@ -181,6 +184,7 @@ impl Plan {
             labels: on(Feature::Labels),
             counters: on(Feature::Counters),
             shading: shading_number(self.shading),
+            integrator: integrator_number(self.method),
         }
     }
 }
@@ -206,6 +210,17 @@ pub fn unrolled_faces(mut cells: impl Iterator<Item = usize>) -> u32 {
     match (cells.next(), cells.next()) {
         (Some(faces), None) if faces <= MAX_UNROLLED_FACES => faces as u32,
         _ => 0,
+    }
+}
+
+/// The number by which the shaders know an integrator.
+pub fn integrator_number(method: Method) -> u32 {
+    use crate::shader_io as io;
+    match method {
+        Method::Exact => io::INTEGRATOR_EXACT,
+        Method::Euler { .. } => io::INTEGRATOR_EULER,
+        Method::Rk4 { .. } => io::INTEGRATOR_RK4,
+        Method::Dopri5 { .. } => io::INTEGRATOR_DOPRI5,
     }
 }
 

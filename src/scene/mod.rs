@@ -17,6 +17,7 @@ mod reader;
 pub mod shipped;
 mod texture;
 
+use crate::integrate::Method;
 use crate::space::{
     Space,
     observer::{Frame, Leg},
@@ -313,6 +314,8 @@ pub struct Settings {
     pub shading: Shading,
     /// Largest deviation of an arc from its geodesic, as a share of a pixel's footprint.
     pub tolerance: f64,
+    /// How rays are followed.
+    pub method: Method,
 }
 
 /// Largest accepted bounce count.
@@ -329,6 +332,7 @@ impl Default for Settings {
             headlight: [0.0; 3],
             shading: Shading::Riemannian,
             tolerance: 0.01,
+            method: Method::Exact,
         }
     }
 }

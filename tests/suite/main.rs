@@ -13,7 +13,9 @@
 //! - `gluing`: gluing files and Dirichlet domains.
 //! - `gltf`, `scene`: what is read, and what is refused with which words.
 //! - `hits`: hits on curved geodesics, and balls and tubes as triangles, in geometries made for the purpose.
+//! - `integrate`: the order of each integrator, its passages through faces, its ends, its pictures.
 //! - `laws`: what every geometry must satisfy.
+//! - `measure`: the reference arithmetic, FLIP, tables and plots, and the report of `accuracy`.
 //! - `observer`: walks through the faces, what closed loops pick up, camera paths.
 //! - `plan`: what scenes leave out; no device.
 //! - `polyhedra`, `spaces`: cells, the catalogue, and the proof that a gluing closes, against reference data.
@@ -40,7 +42,9 @@ mod geodesic;
 mod gltf;
 mod gluing;
 mod hits;
+mod integrate;
 mod laws;
+mod measure;
 mod observer;
 mod plan;
 mod polyhedra;
