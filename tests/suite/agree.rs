@@ -191,7 +191,9 @@ fn agrees(name: &str) {
     let judge = |what: &str, drawn: &[[i32; 3]]| match reference.judge(drawn) {
         Ok(share) => {
             let [share, limit] = [share, reference.limit].map(|x| 100.0 * x);
-            println!("{name}: {what} against cpu: {share:.4} % of the pixels differ, all on outlines; {limit:.4} % may");
+            println!(
+                "{name}: {what} against cpu: {share:.4} % of the pixels differ, all on outlines; {limit:.4} % may"
+            );
         }
         Err(why) => panic!("{name}: {what}: {why}"),
     };
