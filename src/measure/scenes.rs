@@ -433,6 +433,7 @@ fn belongings(feature: Feature) -> &'static str {
         Feature::Fog => "fog, constant fog",
         Feature::MaxDistance => "test against the largest length, constant max_distance",
         Feature::Labels => "automaton of deck elements, constant labels, its table",
+        Feature::Coordinates => "colours by place, constant coordinates",
         Feature::Counters => "counting of work, constant counters, its buffer",
     }
 }
