@@ -42,11 +42,12 @@
 //! ```
 //!
 //! # Map of the modules
-//! `geometry ← space ← scene ← render ← {view, measure} ← cli`, and `vulkan ← render`; a test reads the imports.
+//! `geometry ← integrate ← space ← scene ← render ← {view, measure} ← cli`, and `vulkan ← render`; a test reads the imports.
 //!
 //! | you want | look at |
 //! | --- | --- |
 //! | a formula of a geometry | `src/geometry/<name>.rs` and its twin `shaders/geometry/<name>.glsl` |
+//! | how geodesics are integrated | [`integrate`], [`space::stepped`], `shaders/shared/integrate.glsl`, `shaders/stage/stepped.glsl` |
 //! | what every geometry must satisfy | [`geometry::laws`] |
 //! | a named space | [`space::catalogue`] |
 //! | how a ray passes a face | [`space::walk`], `shaders/stage/walk.glsl` |
@@ -54,6 +55,7 @@
 //! | a structure that shaders read | [`shader_io`] |
 //! | the reference that errors are measured against | [`mod@measure::reference`] |
 //! | a stiff or extreme case | [`measure::stability`] |
+//! | what is measured, tables and plots | [`measure`] |
 //! | an option of the command line | [`cli`] |
 //!
 //! # Recipes
@@ -74,6 +76,7 @@
 
 pub mod cli;
 pub mod geometry;
+pub mod integrate;
 pub mod measure;
 pub mod render;
 pub mod scene;

@@ -86,6 +86,8 @@ structures! {
         bounces: uint,
         /// Cell in which the eye is.
         cell: uint,
+        /// Step or tolerance of the integrator.
+        integration: float,
     }
 
     /// What changes from dispatch to dispatch: push constants.
@@ -246,6 +248,10 @@ structures! {
         base_texture: uint,
         /// Index of the metallic-roughness texture (green roughness, blue metallic), or [`NONE`].
         surface_texture: uint,
+        /// Colour from place: the base colour is multiplied with this times the chart coordinates ...
+        coordinate_scale: vec3,
+        /// ... plus this, within 0 and 1.
+        coordinate_shift: vec3,
     }
 
     /// A texture in the texel buffer. Texels are linear RGBA as four halves, so that each backend filters the
@@ -495,6 +501,25 @@ numbers! {
     PROBE_LOWER: uint = 19;
     /// Probe: `geo_chart_vector`.
     PROBE_CHART_VECTOR: uint = 20;
+    /// Probe: `geo_unchart_vector`.
+    PROBE_UNCHART_VECTOR: uint = 21;
+    /// Probe: `geo_spray`.
+    PROBE_SPRAY: uint = 22;
+    /// Probe: `integrate_step` of length `t` with the method in `c.x`, at the share `c.y`.
+    PROBE_STEP: uint = 23;
+    /// Probe: `integrate_follow` for length `t` with the method in `c.x` and its parameter in `c.y`.
+    PROBE_FOLLOW: uint = 24;
+
+    /// Integrator: the geometry's own flow.
+    INTEGRATOR_EXACT: uint = 0;
+    /// Integrator: Euler's method.
+    INTEGRATOR_EULER: uint = 1;
+    /// Integrator: Runge and Kutta's method of order 4.
+    INTEGRATOR_RK4: uint = 2;
+    /// Integrator: Dormand and Prince's method of order 5.
+    INTEGRATOR_DOPRI5: uint = 3;
+    /// Most steps of one geodesic of the probe.
+    INTEGRATE_STEPS: uint = 1_000_000;
 }
 
 /// Declares specialization constants with the ids 0, 1, 2, … for both sides.
@@ -502,7 +527,7 @@ macro_rules! specialization {
     ($($(#[doc = $doc:literal])* $name:ident: $type:ident = $default:literal;)*) => {
         /// Values of the specialization constants, in the order of their ids; booleans are 0 or 1.
         #[repr(C)]
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
         #[allow(non_snake_case)]
         pub struct Specialization { $($(#[doc = $doc])* pub $name: u32,)* }
 
@@ -536,6 +561,8 @@ specialization! {
     alpha_mask: bool = true;
     /// A material has a texture.
     textures: bool = true;
+    /// A material is coloured by place.
+    coordinates: bool = true;
     /// There are point lights.
     lights: bool = true;
     /// A point light throws shadows.
@@ -552,6 +579,8 @@ specialization! {
     counters: bool = true;
     /// One of the `SHADING_` numbers.
     shading: uint = 0;
+    /// One of the `INTEGRATOR_` numbers.
+    integrator: uint = 0;
 }
 
 /// Declares buffer bindings of descriptor set 0 for both sides.

@@ -216,8 +216,19 @@ vec4 geo_unchart(vec3 c) {
     return p;
 }
 
+vec4 geo_unchart_vector(vec4 p, vec3 dc) {
+    // Normal part of the lifted vector, taken off.
+    float normal = dot(p.xy, dc.xy);
+    return vec4((dc.xy - PRODUCT_CURVATURE * normal * p.xy) * p.w, dc.z, -PRODUCT_CURVATURE * normal * p.w * p.w);
+}
+
 vec3 geo_chart_vector(vec4 p, vec4 v) {
     return vec3((v.xy - p.xy / p.w * v.w) / p.w, v.z);
+}
+
+vec3 geo_spray(vec3 c, vec3 v) {
+    float rate = 2.0 * PRODUCT_CURVATURE * dot(c.xy, v.xy) / (1.0 + PRODUCT_CURVATURE * dot(c.xy, c.xy));
+    return vec3(v.xy * rate, 0.0);
 }
 
 vec4 geo_raise(vec4 p, vec3 conormal) {

@@ -1,12 +1,13 @@
 //! `holonomy render`: a picture of a scene, or a sequence along its camera path.
 
 use super::{
-    BackendChoice, Failure, Integrator, Outcome, RenderArgs,
+    BackendChoice, Failure, Outcome, RenderArgs,
     output::{PendingFile, PictureFormat, encode, picture_format},
     sequence::{Pattern, check_range, pose},
 };
 use crate::{
     geometry::{Geometry, Visitor, visit},
+    integrate::Method,
     render::{
         Backend, RenderError, Shot, Stats, Target, auto,
         compute::ComputeBackend,
@@ -33,11 +34,14 @@ use std::{
 };
 
 pub(super) fn run(args: &RenderArgs) -> Outcome {
-    let Integrator::Exact = args.integrator;
+    let method = args.integrator.method(args.step, args.tolerance)?;
     let format = picture_format(&args.output)?;
     let mut scene = file::load(&args.scene).map_err(Failure::refused)?;
     scene.settings.bounces = args.bounces.unwrap_or(scene.settings.bounces);
-    scene.settings.tolerance = args.tolerance.unwrap_or(scene.settings.tolerance);
+    scene.settings.method = method;
+    if let (Method::Exact, Some(tolerance)) = (method, args.tolerance) {
+        scene.settings.tolerance = tolerance;
+    }
     scene.settings.shading = args.shading.unwrap_or(scene.settings.shading);
     let raw = scene.settings.shading.is_raw();
     if raw && args.samples > 1 {
@@ -253,6 +257,17 @@ struct Times {
     pose: Duration,
 }
 
+/// How rays were followed, and by which parameter.
+fn integrator_json(scene: &Scene) -> Value {
+    let method = scene.settings.method;
+    let (key, value) = match method {
+        Method::Exact => ("tolerance", scene.settings.tolerance),
+        Method::Euler { step } | Method::Rk4 { step } => ("step", step),
+        Method::Dopri5 { tolerance } => ("tolerance", tolerance),
+    };
+    json!({ "name": method.name(), key: value })
+}
+
 /// The content of the `--stats` file.
 fn stats_json(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
     let Session { backend, plan, world, eyes, pictures, sum: stats, times } = session;
@@ -294,6 +309,7 @@ fn stats_json(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
         "pictures": pictures,
         "samples": args.samples,
         "bounces": scene.settings.bounces,
+        "integrator": integrator_json(scene),
         "used": features(|d| d.needed),
         "left_out": features(|d| !d.needed && !d.kept),
         "kept_in": features(|d| d.kept),

@@ -155,6 +155,7 @@ impl Shot {
             size: self.size,
             bounces: settings.bounces,
             cell: self.eye.cell as u32,
+            integration: settings.method.parameter() as f32,
         }
     }
 
@@ -187,6 +188,13 @@ impl Target {
         let pixels = vec![[0.0; 4]; size[0] as usize * size[1] as usize];
         Self { width: size[0], height: size[1], pixels }
     }
+}
+
+/// The sRGB transfer function (IEC 61966-2-1), rounded to 8 bits.
+pub fn srgb_byte(linear: f32) -> u8 {
+    let x = linear.clamp(0.0, 1.0);
+    let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+    (encoded * 255.0 + 0.5) as u8
 }
 
 /// What a picture cost.

@@ -2,7 +2,7 @@
 //!
 //! [`catalogue`] computes the named spaces from formulas, [`gluing`] reads them from files, [`polyhedron`] finds
 //! vertices and edges of a cell in the chart, [`domain`] lists faces for walking, [`walk`] takes geodesics through
-//! them, [`reduce`] brings points back into their cell, [`deck`] enumerates deck transformations, [`check`] proves
+//! them by their own flow, [`stepped`] by an integrator, [`reduce`] brings points back into their cell, [`deck`] enumerates deck transformations, [`check`] proves
 //! that a gluing closes up, [`observer`] moves frames.
 
 pub mod catalogue;
@@ -13,6 +13,7 @@ pub mod gluing;
 pub mod observer;
 pub mod polyhedron;
 pub mod reduce;
+pub mod stepped;
 pub mod walk;
 
 use crate::geometry::{GeometryId, Isometry};

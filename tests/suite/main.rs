@@ -8,11 +8,14 @@
 //! - `curved`: arcs, exits, nearest points, logarithms and series of the geometries with curved geodesics.
 //! - `corners`: rays through edges and vertices, along faces, starting on faces.
 //! - `curves`: arcs, exits, logarithms and area densities against walks along the flow.
+//! - `deck`: elements of deck groups in whole numbers, against the groups themselves.
 //! - `geodesic`: errors of end points against a reference of 192 bits.
 //! - `gluing`: gluing files and Dirichlet domains.
 //! - `gltf`, `scene`: what is read, and what is refused with which words.
 //! - `hits`: hits on curved geodesics, and balls and tubes as triangles, in geometries made for the purpose.
+//! - `integrate`: the order of each integrator, its passages through faces, its ends, its pictures.
 //! - `laws`: what every geometry must satisfy.
+//! - `measure`: the reference arithmetic, FLIP, tables and plots, and the report of `accuracy`.
 //! - `observer`: walks through the faces, what closed loops pick up, camera paths.
 //! - `plan`: what scenes leave out; no device.
 //! - `polyhedra`, `spaces`: cells, the catalogue, and the proof that a gluing closes, against reference data.
@@ -34,11 +37,14 @@ mod closed_form;
 mod corners;
 mod curved;
 mod curves;
+mod deck;
 mod geodesic;
 mod gltf;
 mod gluing;
 mod hits;
+mod integrate;
 mod laws;
+mod measure;
 mod observer;
 mod plan;
 mod polyhedra;

@@ -7,7 +7,7 @@
 mod groups;
 
 use crate::geometry::GeometryId;
-pub use groups::{SL2, SOL, TRACE};
+pub use groups::{SL2, SOL, TRACE, sl2_product};
 
 use astro_float::{BigFloat, Consts, Radix, RoundingMode};
 use std::{

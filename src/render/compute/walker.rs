@@ -49,18 +49,8 @@ impl Walker {
         let mut submitter = Submitter::new(context, "the walker")?;
         let constants = Specialization {
             faces: plan::unrolled_faces(domain.cells.iter().map(|faces| faces.len())),
-            meshes: 0,
-            quadrics: 0,
-            alpha_mask: 0,
-            textures: 0,
-            lights: 0,
-            shadows: 0,
-            headlight: 0,
-            fog: 0,
-            max_distance: 0,
             labels: u32::from(!domain.labels.is_empty()),
-            counters: 0,
-            shading: 0,
+            ..Specialization::default()
         };
         let pipeline = ComputePipeline::new(
             context,
