@@ -85,6 +85,21 @@ pub struct Plan {
     pub shading: Shading,
     /// Number of faces if the space has one cell with few enough to unroll, else 0: then rays remember their cell.
     pub faces: u32,
+    /// What the pictures are for.
+    pub purpose: Purpose,
+}
+
+/// What pictures are for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Purpose {
+    /// A picture: the sum of its samples.
+    #[default]
+    Picture,
+    /// The eyes of a headset: colours and distances, one sample each.
+    Eyes {
+        /// Only some pixels have rays.
+        listed: bool,
+    },
 }
 
 impl Plan {
@@ -142,7 +157,12 @@ impl Plan {
             [cell] if cell.faces.len() <= MAX_UNROLLED_FACES => cell.faces.len() as u32,
             _ => 0,
         };
-        Self { decisions, shading, faces }
+        Self { decisions, shading, faces, purpose: Purpose::Picture }
+    }
+
+    /// The same for another purpose.
+    pub fn serving(self, purpose: Purpose) -> Self {
+        Self { purpose, ..self }
     }
 
     /// Keeps features in that the scene does not need.
@@ -175,6 +195,8 @@ impl Plan {
             labels: on(Feature::Labels),
             counters: on(Feature::Counters),
             shading: shading_number(self.shading),
+            eyes: (self.purpose != Purpose::Picture).into(),
+            listed: (self.purpose == Purpose::Eyes { listed: true }).into(),
         }
     }
 }

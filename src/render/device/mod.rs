@@ -128,12 +128,17 @@ pub trait Tracer: Debug + Sized {
     /// What the pipeline takes.
     fn layout(&self) -> &Layout;
 
-    /// Traces the pixels of a tile.
+    /// Traces the pixels of a tile, of one eye or of two at once.
     ///
     /// # Errors
     /// Objects of another device.
-    fn trace<'a>(&'a self, recorder: &mut Recorder<'a>, set: &'a BufferSet, tile: &Dispatch)
-    -> Result<(), VulkanError>;
+    fn trace<'a>(
+        &'a self,
+        recorder: &mut Recorder<'a>,
+        set: &'a BufferSet,
+        tile: &Dispatch,
+        eyes: u32,
+    ) -> Result<(), VulkanError>;
 
     /// Bytes of what it holds besides the bound buffers.
     fn memory(&self) -> u64 {
@@ -353,8 +358,8 @@ impl<T: Tracer> Picture<'_, T> {
         let set = BufferSet::new(tracer.layout(), &bound)?;
         // Drivers that compile at a pipeline's first dispatch do it for this empty one, so that the time of tracing
         // is that of tracing.
-        let nothing = Dispatch { origin: [0, 0], extent: [0, 0], offset: [0.5, 0.5] };
-        self.backend.device.submitter.submit("compile", |r| tracer.trace(r, &set, &nothing))?;
+        let nothing = Dispatch { origin: [0, 0], extent: [0, 0], offset: [0.5, 0.5], eye: 0 };
+        self.backend.device.submitter.submit("compile", |r| tracer.trace(r, &set, &nothing, 1))?;
         Ok(Canvas { pixels, readback, set })
     }
 
@@ -383,7 +388,7 @@ impl<T: Tracer> Picture<'_, T> {
             let offset = self.shot.sample_offset(sample).map(|x| x as f32);
             let mut tiles = Tiles::new(size);
             while let Some((origin, extent)) = tiles.next(self.loaded.pace.tile()) {
-                self.draw_tile(canvas, &Dispatch { origin, extent, offset })?;
+                self.draw_tile(canvas, &Dispatch { origin, extent, offset, eye: 0 })?;
             }
         }
         let bytes = u64::from(size[0]) * u64::from(size[1]) * PIXEL_BYTES;
@@ -405,7 +410,7 @@ impl<T: Tracer> Picture<'_, T> {
             }
             // Earlier samples of the same pixels, and the fills.
             r.barrier(&[Access::Shaders, Access::Transfer], &[Access::Shaders]);
-            tracer.trace(r, &canvas.set, tile)?;
+            tracer.trace(r, &canvas.set, tile, 1)?;
             if let Some((counts, readback)) = counting {
                 r.readback(counts, readback, COUNT_BYTES)?;
             }
