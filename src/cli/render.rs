@@ -108,7 +108,7 @@ impl Session {
         let started = Instant::now();
         let plan = Plan::new(scene, count).keep(&args.keep);
         let (mut backend, reason) = backend_for(args, &plan)?;
-        let start = Pose { observer: scene.observer.frame, time: 0.0 };
+        let start = Pose::new(scene.observer.frame, 0.0);
         let world =
             if sequence { World::moving(scene, &plan, start) } else { World::new(scene, &plan, scene.observer.frame) };
         let world = Arc::new(world.map_err(Failure::refused)?);
@@ -125,7 +125,7 @@ impl Session {
     /// Takes the scene in at another time and with its observer elsewhere. The world stays unless it depends on them.
     fn follow(&mut self, scene: &Scene, time: f64) -> Outcome {
         let started = Instant::now();
-        let pose = Pose { observer: scene.observer.frame, time };
+        let pose = Pose::new(scene.observer.frame, time);
         let labels = self.plan.uses(Feature::Labels);
         if labels || scene.objects.iter().any(Object::moves) {
             // Labels are counted from the observer's own cell.

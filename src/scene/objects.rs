@@ -1,7 +1,7 @@
 //! The `[[object]]` tables of a scene file.
 
 use super::{
-    Motion, Object, Place, Shape,
+    Hand, Motion, Object, Place, Shape,
     file::Builder,
     gltf,
     places::{self, Local},
@@ -30,14 +30,19 @@ enum Kind {
 enum Attach {
     World,
     Viewer,
-    Hand,
+    Hand(Hand),
 }
 
 const KINDS: &[(&str, Kind)] =
     &[("mesh", Kind::Mesh), ("tube", Kind::Tube), ("ball", Kind::Ball), ("domain-edges", Kind::DomainEdges)];
 
 const ATTACHMENTS: &[(&str, Attach)] =
-    &[("world", Attach::World), ("viewer", Attach::Viewer), ("left-hand", Attach::Hand), ("right-hand", Attach::Hand)];
+    &[
+    ("world", Attach::World),
+    ("viewer", Attach::Viewer),
+    ("left-hand", Attach::Hand(Hand::Left)),
+    ("right-hand", Attach::Hand(Hand::Right)),
+];
 
 /// Adds an object to the scene.
 pub(super) fn read(mut table: Table, builder: &mut Builder) -> Result<(), SceneError> {
@@ -106,18 +111,18 @@ fn place(table: &mut Table, kind: Kind, builder: &Builder) -> Result<(Place, &'s
     let attach_value = table.take("attach");
     let attach = attach_value.as_ref().map_or(Ok(Attach::World), |v| v.choice(ATTACHMENTS))?;
     match (attach, &attach_value) {
-        (Attach::Hand, Some(value)) => {
-            Err(value.error("hands that are tracked are not available yet: use \"viewer\" with an offset"))
-        }
-        (Attach::Viewer, Some(value)) if kind == Kind::DomainEdges => {
+        (Attach::Viewer | Attach::Hand(_), Some(value)) if kind == Kind::DomainEdges => {
             Err(value.error("the edges of a cell stay where they are: they cannot be attached to the viewer"))
         }
-        (Attach::Viewer, _) => {
+        (Attach::Viewer | Attach::Hand(_), _) => {
             let offset = table.take("offset");
             let offset = offset.map_or(Ok(vec![0.0; 3]), |v| v.numbers(&[3], Bounds::closed(-MAX_REACH, MAX_REACH)))?;
             let offset = DVec3::new(offset[0], offset[1], offset[2]);
             let rotation = table.take("rotate").map_or(Ok(DMat3::IDENTITY), |v| places::turns(&v))?;
-            Ok((Place::Viewer { offset, rotation }, "viewer"))
+            Ok(match attach {
+                Attach::Hand(hand) => (Place::Hand { hand, offset, rotation }, "left-hand or right-hand"),
+                _ => (Place::Viewer { offset, rotation }, "viewer"),
+            })
         }
         _ if kind == Kind::DomainEdges => {
             let cell = places::cell(table, &builder.space)?;

@@ -13,7 +13,9 @@
 //! every binding that the shader text names, even where a specialization constant has removed all uses; that is
 //! one shared buffer of [`NULL_BYTES`] bytes.
 
+pub mod eyes;
 pub mod pack;
+pub mod rays;
 pub mod tiles;
 
 use super::{
@@ -158,6 +160,8 @@ pub struct DeviceBackend<T: Tracer> {
     options: T::Options,
     null: Arc<Buffer>,
     loaded: Option<Loaded<T>>,
+    /// Only where a headset is drawn for.
+    eyes: Option<eyes::Canvas>,
 }
 
 /// A world on the device.
@@ -173,6 +177,8 @@ struct Loaded<T> {
     /// Learnt from the pictures so far.
     pace: Pace,
     canvas: Option<Canvas>,
+    /// Buffers of the world and of the headset's eyes together.
+    eyes: Option<BufferSet>,
 }
 
 /// What depends on the picture's size; kept from one picture to the next of the same size.
@@ -201,7 +207,7 @@ impl<T: Tracer> DeviceBackend<T> {
         let null = Buffer::new(context, "nothing", NULL_BYTES)?;
         submitter.submit("clear the null buffer", |r| r.clear(&null))?;
         let device = Device { context: context.clone(), submitter };
-        Ok(Self { device, options, null: Arc::new(null), loaded: None })
+        Ok(Self { device, options, null: Arc::new(null), loaded: None, eyes: None })
     }
 
     /// The device's context.
@@ -239,10 +245,10 @@ impl<T: Tracer> Backend for DeviceBackend<T> {
         } else {
             None
         };
-        let view = Arc::new(Buffer::new(&device.context, "view", size_of::<View>() as u64)?);
+        let view = Arc::new(Buffer::new(&device.context, "view", size_of::<[View; 2]>() as u64)?);
         let pace = Pace::new(device.context.info().max_workgroups);
         let world = world.clone();
-        self.loaded = Some(Loaded { world, tracer, scene, view, counters, pace, canvas: None });
+        self.loaded = Some(Loaded { world, tracer, scene, view, counters, pace, canvas: None, eyes: None });
         Ok(())
     }
 
@@ -290,7 +296,29 @@ impl<T: Tracer> Backend for DeviceBackend<T> {
     }
 }
 
+/// Binds what is not there, for the bindings that a shader's text names and its constants leave unused.
+fn fill_up(bound: &mut Vec<Bound>, null: &Arc<Buffer>) {
+    for unused in 0..BINDINGS as u32 {
+        if bound.iter().all(|b| b.binding != unused) {
+            // `.length()` of what is not there is at most 1.
+            bound.push(Bound { binding: unused, buffer: null.clone(), bytes: 4 });
+        }
+    }
+}
+
 impl<T: Tracer> Loaded<T> {
+    /// What the tracer's shaders read and write: the world, and the buffers of a picture.
+    fn set(&self, null: &Arc<Buffer>, picture: &[Bound]) -> Result<BufferSet, VulkanError> {
+        let mut bound = self.scene.clone();
+        bound.push(Bound::whole(binding::view, &self.view));
+        bound.extend_from_slice(picture);
+        if let Some((counts, _)) = &self.counters {
+            bound.push(Bound::whole(binding::counts, counts));
+        }
+        fill_up(&mut bound, null);
+        BufferSet::new(self.tracer.layout(), &bound)
+    }
+
     /// Bytes of all buffers of the world and the picture.
     fn memory(&self, null: &Arc<Buffer>) -> u64 {
         let scene = self.scene.iter().map(|b| b.buffer.size());
@@ -342,20 +370,8 @@ impl<T: Tracer> Picture<'_, T> {
         let context = &self.backend.device.context;
         let pixels = Arc::new(Buffer::new(context, "pixels", bytes)?);
         let readback = HostBuffer::new(context, "pixels", bytes, Direction::Readback)?;
-        let mut bound = self.loaded.scene.clone();
-        bound.push(Bound::whole(binding::view, &self.loaded.view));
-        bound.push(Bound::whole(binding::pixels, &pixels));
-        if let Some((counts, _)) = &self.loaded.counters {
-            bound.push(Bound::whole(binding::counts, counts));
-        }
-        for unused in 0..BINDINGS as u32 {
-            if bound.iter().all(|b| b.binding != unused) {
-                // `.length()` of what is not there is at most 1.
-                bound.push(Bound { binding: unused, buffer: self.backend.null.clone(), bytes: 4 });
-            }
-        }
+        let set = self.loaded.set(&self.backend.null, &[Bound::whole(binding::pixels, &pixels)])?;
         let tracer = &self.loaded.tracer;
-        let set = BufferSet::new(tracer.layout(), &bound)?;
         // Drivers that compile at a pipeline's first dispatch do it for this empty one, so that the time of tracing
         // is that of tracing.
         let nothing = Dispatch { origin: [0, 0], extent: [0, 0], offset: [0.5, 0.5], eye: 0 };
