@@ -2,6 +2,7 @@
 
 use super::{
     BackendChoice, Failure, Integrator, Outcome, RenderArgs,
+    eye::EyeFile,
     output::{PendingFile, PictureFormat, encode, picture_format},
     sequence::{Pattern, check_range, pose},
 };
@@ -35,6 +36,7 @@ pub(super) fn run(args: &RenderArgs) -> Outcome {
     let Integrator::Exact = args.integrator;
     let format = picture_format(&args.output)?;
     let mut scene = file::load(&args.scene).map_err(Failure::refused)?;
+    let seen = args.eye.as_deref().map(|path| EyeFile::read(path, &mut scene)).transpose()?;
     scene.settings.bounces = args.bounces.unwrap_or(scene.settings.bounces);
     scene.settings.tolerance = args.tolerance.unwrap_or(scene.settings.tolerance);
     scene.settings.shading = args.shading.unwrap_or(scene.settings.shading);
@@ -50,6 +52,9 @@ pub(super) fn run(args: &RenderArgs) -> Outcome {
     let stats_file = args.stats.as_deref().map(PendingFile::create).transpose()?;
 
     let mut session = Session::new(args, &scene, stats_file.is_some(), false)?;
+    if let Some((file, pose)) = &seen {
+        session.see(args, &scene, file, *pose)?;
+    }
     let progress = Progress::new();
     let target = session.draw(args, &scene, &|share| progress.set(share))?;
     progress.finish();
@@ -97,6 +102,8 @@ struct Session {
     pictures: u32,
     sum: Stats,
     times: Times,
+    /// What an eye of a headset saw, if that is to be drawn.
+    eye: Option<Shot>,
 }
 
 /// Pictures of a sequence in a unit of time, by which velocities of objects in motion are given.
@@ -119,7 +126,7 @@ impl Session {
         // to stop.
         let _ = writeln!(std::io::stderr(), "{reason}");
         let eyes = if args.stereo { 2 } else { 1 };
-        Ok(Self { backend, plan, world, eyes, pictures: 0, sum: Stats::default(), times })
+        Ok(Self { backend, plan, world, eyes, pictures: 0, sum: Stats::default(), times, eye: None })
     }
 
     /// Takes the scene in at another time and with its observer elsewhere. The world stays unless it depends on them.
@@ -137,6 +144,14 @@ impl Session {
         Ok(())
     }
 
+    /// Takes the scene in as it was when an eye of a headset saw it.
+    fn see(&mut self, args: &RenderArgs, scene: &Scene, file: &EyeFile, pose: Pose) -> Outcome {
+        self.world = Arc::new(World::moving(scene, &self.plan, pose).map_err(Failure::refused)?);
+        self.backend.load(&self.world).map_err(render_failure)?;
+        self.eye = Some(Shot { samples: args.samples, seed: args.seed, ..file.shot() });
+        Ok(())
+    }
+
     /// Keeps compiled pipelines, and writes what all pictures have cost if that is asked for.
     fn end(&self, args: &RenderArgs, scene: &Scene, stats_file: Option<PendingFile>) -> Outcome {
         if let Some(lost) = self.backend.keep() {
@@ -151,6 +166,13 @@ impl Session {
 
     /// The picture, both eyes side by side if there are two.
     fn draw(&mut self, args: &RenderArgs, scene: &Scene, progress: &(dyn Fn(f64) + Sync)) -> Result<Target, Failure> {
+        if let Some(shot) = self.eye {
+            let mut target = Target::new(shot.size);
+            let stats = self.backend.render(&shot, &mut target, progress).map_err(render_failure)?;
+            add(&mut self.sum, &stats);
+            self.pictures += 1;
+            return Ok(target);
+        }
         let eyes = if args.stereo { stereo_eyes(scene)? } else { vec![scene.observer.frame] };
         let mut target = Target::new([args.size[0] * eyes.len() as u32, args.size[1]]);
         for (index, eye) in eyes.iter().enumerate() {
@@ -254,7 +276,7 @@ struct Times {
 
 /// The content of the `--stats` file.
 fn stats_json(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
-    let Session { backend, plan, world, eyes, pictures, sum: stats, times } = session;
+    let Session { backend, plan, world, eyes, pictures, sum: stats, times, .. } = session;
     let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
     let count = |index: u32| stats.counts[index as usize];
     // What the device's own traversal does is not known, which is not the same as nothing.
@@ -271,7 +293,8 @@ fn stats_json(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
         ("shadow_segments", io::COUNT_SHADOW_SEGMENTS),
         ("lost", io::COUNT_LOST),
     ];
-    let pixels = f64::from(args.size[0]) * f64::from(args.size[1]) * *eyes as f64 * f64::from(*pictures);
+    let size = session.eye.map_or(args.size, |shot| shot.size);
+    let pixels = f64::from(size[0]) * f64::from(size[1]) * *eyes as f64 * f64::from(*pictures);
     let counts: serde_json::Map<_, _> =
         named.iter().map(|(name, i)| ((*name).to_owned(), shown(*i, json!(count(*i))))).collect();
     let per_pixel: serde_json::Map<_, _> =
@@ -288,7 +311,7 @@ fn stats_json(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
         "geometry": scene.space.geometry.name(),
         "backend": backend.name(),
         "device": backend.device(),
-        "size": args.size,
+        "size": size,
         "eyes": eyes,
         "pictures": pictures,
         "samples": args.samples,

@@ -5,6 +5,7 @@
 //! the scenes that come with the program, [`folder`] keeps scenes from reading files that are none of their business.
 
 mod accessor;
+pub mod avatar;
 pub mod file;
 pub mod folder;
 mod glb;

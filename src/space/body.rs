@@ -55,13 +55,16 @@ pub struct RoomPose {
     pub rotation: DQuat,
 }
 
+/// Nobody is farther from the room's origin, in metres: a pose that says so is wrong.
+const LARGEST_ROOM: f64 = 100.0;
+
 impl RoomPose {
     /// At the room's origin, unturned.
     pub const ORIGIN: Self = Self { position: DVec3::ZERO, rotation: DQuat::IDENTITY };
 
-    /// Whether all numbers are finite and the rotation is one.
+    /// Whether the position is finite and in a room of bearable size, and the rotation is one.
     pub fn is_sound(&self) -> bool {
-        self.position.is_finite() && self.rotation.is_finite() && (self.rotation.length() - 1.0).abs() < 1e-2
+        self.position.length() < LARGEST_ROOM && self.rotation.is_finite() && (self.rotation.length() - 1.0).abs() < 1e-2
     }
 }
 

@@ -27,6 +27,9 @@ use crate::{
 };
 use std::{sync::Arc, time::Duration};
 
+/// Largest side of an eye: what a listed ray can name.
+pub const LARGEST_SIDE: u32 = (1 << LIST_BITS) - 1;
+
 /// How colours are stored in an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {
