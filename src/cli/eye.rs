@@ -29,8 +29,7 @@ impl From<Frame> for FrameText {
 
 impl FrameText {
     fn frame(&self, scene: &Scene) -> Result<Frame, anyhow::Error> {
-        let frame =
-            Frame { cell: self.cell, point: DVec4::from(self.point), axes: self.axes.map(DVec4::from) };
+        let frame = Frame { cell: self.cell, point: DVec4::from(self.point), axes: self.axes.map(DVec4::from) };
         let finite = frame.point.is_finite() && frame.axes.iter().all(|axis| axis.is_finite());
         if !finite || frame.cell >= scene.space.cells.len() {
             return Err(anyhow!("the frame in cell {} is not one of {}", frame.cell, scene.space.name));
@@ -75,7 +74,8 @@ impl EyeFile {
 
     /// The file's text, with what the runtime said of this eye.
     pub fn to_text(&self, look: &Look, eye: usize) -> Result<String, Failure> {
-        let pose = |pose: &RoomPose| json!({ "position": pose.position.to_array(), "rotation": pose.rotation.to_array() });
+        let pose =
+            |pose: &RoomPose| json!({ "position": pose.position.to_array(), "rotation": pose.rotation.to_array() });
         let room = json!({
             "eye": pose(&look.eyes[eye].pose),
             "angles": look.eyes[eye].angles,

@@ -43,7 +43,10 @@ pub(super) fn run(args: &VrArgs) -> Outcome {
     if let Some(folder) = &args.save_eyes {
         fs::create_dir_all(folder).with_context(|| folder.display().to_string()).map_err(Failure::Refused)?;
     }
-    let options = ContextOptions::from_env().map_err(Failure::vulkan)?;
+    let options = ContextOptions {
+        submit_time_out: Some(frames::PATIENCE),
+        ..ContextOptions::from_env().map_err(Failure::vulkan)?
+    };
     let messages = options.messages.clone();
     let stats_path = stats_file.as_ref().map(PendingFile::temporary_path);
     let watchdog = Rc::new(Watchdog::new(move |call| {
@@ -132,7 +135,9 @@ pub(super) fn run(args: &VrArgs) -> Outcome {
         save(folder, kept, unit_in_metres, args.bare)?;
     }
     match complaints.first() {
-        Some(first) => Err(Failure::failed(anyhow!("{} complaints of the validation layer: {first}", complaints.len()))),
+        Some(first) => {
+            Err(Failure::failed(anyhow!("{} complaints of the validation layer: {first}", complaints.len())))
+        }
         None => Ok(()),
     }
 }

@@ -36,8 +36,7 @@ enum Attach {
 const KINDS: &[(&str, Kind)] =
     &[("mesh", Kind::Mesh), ("tube", Kind::Tube), ("ball", Kind::Ball), ("domain-edges", Kind::DomainEdges)];
 
-const ATTACHMENTS: &[(&str, Attach)] =
-    &[
+const ATTACHMENTS: &[(&str, Attach)] = &[
     ("world", Attach::World),
     ("viewer", Attach::Viewer),
     ("left-hand", Attach::Hand(Hand::Left)),
@@ -120,7 +119,10 @@ fn place(table: &mut Table, kind: Kind, builder: &Builder) -> Result<(Place, &'s
             let offset = DVec3::new(offset[0], offset[1], offset[2]);
             let rotation = table.take("rotate").map_or(Ok(DMat3::IDENTITY), |v| places::turns(&v))?;
             Ok(match attach {
-                Attach::Hand(hand) => (Place::Hand { hand, offset, rotation }, "left-hand or right-hand"),
+                Attach::Hand(hand) => {
+                    let name = ["left-hand", "right-hand"][hand as usize];
+                    (Place::Hand { hand, offset, rotation }, name)
+                }
                 _ => (Place::Viewer { offset, rotation }, "viewer"),
             })
         }

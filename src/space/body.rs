@@ -20,11 +20,7 @@
 //! | [`Tracking::Reference`] | to the end of the geodesic from a fixed frame that stands for the room's origin | each place in the room is one place in the space, with one body frame; closed walks close | only lines through the origin are geodesics; elsewhere steps are longer or shorter than in the room, by a part in R²/6, and in a sphere nobody gets farther than to the antipode |
 //! | [`Tracking::RotationOnly`] | not at all | nothing ever comes too near | leaning has no effect: no parallax by the head's own motion |
 
-use super::{
-    domain::Domain,
-    observer::Frame,
-    reduce::TransportError,
-};
+use super::{domain::Domain, observer::Frame, reduce::TransportError};
 use crate::geometry::{Geometry, GeometryId, Visitor, visit};
 use glam::{DMat3, DQuat, DVec3};
 
@@ -64,7 +60,9 @@ impl RoomPose {
 
     /// Whether the position is finite and in a room of bearable size, and the rotation is one.
     pub fn is_sound(&self) -> bool {
-        self.position.length() < LARGEST_ROOM && self.rotation.is_finite() && (self.rotation.length() - 1.0).abs() < 1e-2
+        self.position.length() < LARGEST_ROOM
+            && self.rotation.is_finite()
+            && (self.rotation.length() - 1.0).abs() < 1e-2
     }
 }
 
@@ -106,7 +104,10 @@ impl Body {
 
     /// A pose of the runtime's room in ours.
     fn in_room(&self, pose: RoomPose) -> RoomPose {
-        RoomPose { position: self.turn * (pose.position - self.origin), rotation: (self.turn * pose.rotation).normalize() }
+        RoomPose {
+            position: self.turn * (pose.position - self.origin),
+            rotation: (self.turn * pose.rotation).normalize(),
+        }
     }
 
     /// Takes the head to where it is in the runtime's room now.
@@ -130,9 +131,7 @@ impl Body {
     pub fn frame(&self, domain: &Domain) -> Result<Frame, TransportError> {
         match self.tracking {
             Tracking::Holonomy | Tracking::RotationOnly => Ok(self.anchor),
-            Tracking::Reference => {
-                walked(self.geometry, domain, self.anchor, self.last.position / self.unit_in_metres)
-            }
+            Tracking::Reference => walked(self.geometry, domain, self.anchor, self.last.position / self.unit_in_metres),
         }
     }
 

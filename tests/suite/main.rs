@@ -3,6 +3,7 @@
 //! A new test goes into the module whose truth it checks:
 //! - `agree`: compute and cpu draw the same picture; a spoiled copy is caught.
 //! - `architecture`: registry, contracts, who imports whom, where unsafe code may be.
+//! - `body`: head, hands and eyes of a player: rigid, picking up holonomy, seeing in depth.
 //! - `cli`: the real binary in a temporary folder: outputs, exact errors, exit codes.
 //! - `closed_form`: pictures and paths whose answer is known.
 //! - `curved`: chords, exits, nearest points, logarithms and series of the geometries with curved geodesics.
@@ -21,6 +22,7 @@
 //! - `transport`: geodesics through the faces against the unfolded ones.
 //! - `twins`: each function of the shaders' geometries against its Rust twin, on the device.
 //! - `vulkan`: devices, probe, compute backend, faults, and that validation is silent.
+//! - `xr`: sessions with a headset, played by a runtime that is a few lines of code; `monado`: the same on a real one.
 //!
 //! `support` holds what modules share, `big` numbers of 192 bits and, with `big_groups`, the geodesic flows in them.
 //! Tests of a device take it through `support::gpu` or `support::rt_gpu`.
@@ -29,6 +31,7 @@ mod agree;
 mod architecture;
 mod big;
 mod big_groups;
+mod body;
 mod cli;
 mod closed_form;
 mod corners;
@@ -39,6 +42,8 @@ mod gltf;
 mod gluing;
 mod hits;
 mod laws;
+#[cfg(unix)]
+mod monado;
 mod observer;
 mod plan;
 mod polyhedra;
@@ -50,3 +55,4 @@ mod support;
 mod transport;
 mod twins;
 mod vulkan;
+mod xr;

@@ -191,12 +191,8 @@ impl<T: Tracer> DeviceBackend<T> {
         let sparse = layout.rays != Rays::All;
         let image_bytes = layout.encoding.bytes() * pixels / 2;
         let readback = || HostBuffer::new(context, "eye image", image_bytes, Direction::Readback);
-        let shader = ComputeShader {
-            entry: "resolve.comp",
-            geometry,
-            constants: &[],
-            push_bytes: size_of::<Resolve>() as u32,
-        };
+        let shader =
+            ComputeShader { entry: "resolve.comp", geometry, constants: &[], push_bytes: size_of::<Resolve>() as u32 };
         Ok(Canvas {
             geometry,
             pixels: buffer("pixels of the eyes", pixels * PIXEL_BYTES)?,
@@ -381,7 +377,8 @@ impl<T: Tracer> EyeBackend for DeviceBackend<T> {
         let same = |canvas: &Canvas| {
             let old = &canvas.layout;
             canvas.geometry == geometry
-                && (old.largest, old.encoding, old.depth.is_some()) == (layout.largest, layout.encoding, layout.depth.is_some())
+                && (old.largest, old.encoding, old.depth.is_some())
+                    == (layout.largest, layout.encoding, layout.depth.is_some())
                 && (old.rays == Rays::All) == (layout.rays == Rays::All)
         };
         let mut canvas = match self.eyes.take() {

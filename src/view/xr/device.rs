@@ -23,13 +23,14 @@ impl<'a> RuntimeCreator<'a> {
 
 /// The runtime itself failed, and not Vulkan below it.
 fn refused(call: &'static str, result: openxr::sys::Result) -> VulkanError {
-    VulkanError::Call { call, what: format!("the headset ({result:?})"), result: vk::Result::ERROR_INITIALIZATION_FAILED }
+    VulkanError::Call {
+        call,
+        what: format!("the headset ({result:?})"),
+        result: vk::Result::ERROR_INITIALIZATION_FAILED,
+    }
 }
 
-fn checked<T>(
-    call: &'static str,
-    result: openxr::Result<Result<T, i32>>,
-) -> Result<T, VulkanError> {
+fn checked<T>(call: &'static str, result: openxr::Result<Result<T, i32>>) -> Result<T, VulkanError> {
     match result {
         Ok(Ok(handle)) => Ok(handle),
         Ok(Err(raw)) => {

@@ -285,7 +285,14 @@ impl Session<'_> {
         }
         self.runtime.acquire()?;
         let looked = self.runtime.now();
-        let look = self.runtime.look(time, self.lifecycle.is_focused())?;
+        let look = match self.runtime.look(time, self.lifecycle.is_focused()) {
+            Ok(look) => look,
+            Err(error) => {
+                // The image goes back whatever has happened, and the first error is the one to tell.
+                let _ = self.runtime.release();
+                return Err(error);
+            }
+        };
         let look = look.filter(|look| look.head.is_sound() && look.eyes.iter().all(EyePose::is_sound));
         let Some(look) = look else {
             self.runtime.release()?;
@@ -293,7 +300,6 @@ impl Session<'_> {
             return self.runtime.end_frame(time, None);
         };
         let painted = self.painter.paint(&look, time, self.runtime.surfaces());
-        // The image goes back whatever has happened, and the first error is the one to tell.
         let released = self.runtime.release();
         let painted = painted?;
         released?;
@@ -308,6 +314,7 @@ impl Session<'_> {
             pose_to_submit: ended.saturating_sub(looked),
             period: Duration::from_nanos(time.period.max(0) as u64),
             missed,
+            hands: look.hands.map(|hand| hand.grip.is_some()),
             painted,
         });
         Ok(())

@@ -59,7 +59,10 @@ impl Hold {
                 // By turns: bounces while they are more than the share of pixels that is left.
                 let keeps = f64::from(self.bounces) / f64::from(self.most_bounces);
                 if far && (keeps >= self.scale().powi(2) || !fine) {
-                    self.bounces = (self.bounces * 3 / 4).max(self.least_bounces()).min(self.bounces - 1).max(self.least_bounces());
+                    self.bounces = (self.bounces * 3 / 4)
+                        .max(self.least_bounces())
+                        .min(self.bounces - 1)
+                        .max(self.least_bounces());
                 } else if self.scale + 1 < SCALES.len() {
                     self.scale += 1;
                 }

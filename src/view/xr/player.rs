@@ -91,8 +91,7 @@ impl Player {
     /// A player where the scene's observer is.
     pub fn new(scene: Scene, backend: Box<dyn EyeBackend>, options: PlayerOptions) -> Self {
         let domain = Domain::new(&scene.space);
-        let body =
-            Body::new(scene.space.geometry, scene.observer.frame, options.tracking, options.unit_in_metres);
+        let body = Body::new(scene.space.geometry, scene.observer.frame, options.tracking, options.unit_in_metres);
         let hold = options.hold_fps.map(|fps| Hold::new(fps, scene.settings.bounces));
         Self {
             plan: Plan::new(&scene, false),
@@ -230,9 +229,8 @@ impl Player {
         // Lists of rays are only made again where what they depend on has changed.
         let size = self.size();
         let lists = self.options.full_rate_within.is_some() || self.hidden.iter().any(|h| !h.is_empty());
-        let stale = self.layout.as_ref().is_none_or(|layout| {
-            layout.size != size || lists == (layout.rays == Rays::All)
-        });
+        let stale =
+            self.layout.as_ref().is_none_or(|layout| layout.size != size || lists == (layout.rays == Rays::All));
         let layout = if stale || self.tangents_changed(look, lists) { Some(self.wanted_layout(look)) } else { None };
         let purpose = Purpose::Eyes { listed: lists };
         match &self.world {

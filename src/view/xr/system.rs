@@ -37,7 +37,9 @@ pub(super) fn failed(call: &'static str, result: sys::Result) -> XrError {
     match result {
         sys::Result::ERROR_SESSION_LOST => XrError::SessionLost { frames: 0 },
         // A runtime that has died says one of these two.
-        sys::Result::ERROR_INSTANCE_LOST | sys::Result::ERROR_RUNTIME_FAILURE => XrError::RuntimeGone { frames: 0, call },
+        sys::Result::ERROR_INSTANCE_LOST | sys::Result::ERROR_RUNTIME_FAILURE => {
+            XrError::RuntimeGone { frames: 0, call }
+        }
         result => XrError::Call { call, result: result.to_string() },
     }
 }
@@ -227,13 +229,18 @@ impl HeadsetSession {
                 session.create_reference_space(kind, Posef::IDENTITY).map_err(|r| failed("xrCreateReferenceSpace", r))
             };
             let (room, view) = (space(ReferenceSpaceType::LOCAL)?, space(ReferenceSpaceType::VIEW)?);
-            let offered = session.enumerate_swapchain_formats().map_err(|r| failed("xrEnumerateSwapchainFormats", r))?;
+            let offered =
+                session.enumerate_swapchain_formats().map_err(|r| failed("xrEnumerateSwapchainFormats", r))?;
             let Some((format, encoding)) = color_format(&offered) else {
                 let lacking = String::from("a colour format of 8 or 16 bits");
                 return Err(XrError::Lacks { runtime: headset.runtime.clone(), lacking });
             };
             let images = |format, pixel_bytes, aspect, read| {
-                EyeImages::new(&session, context, ImageOptions { format, pixel_bytes, aspect, size: options.size, read })
+                EyeImages::new(
+                    &session,
+                    context,
+                    ImageOptions { format, pixel_bytes, aspect, size: options.size, read },
+                )
             };
             let colors = images(format, encoding.bytes(), Aspect::Color, options.read)?;
             // Depths are a help for the runtime, not a need: without a fitting format there are none.
@@ -269,7 +276,8 @@ impl HeadsetSession {
             return Vec::new();
         }
         let kind = VisibilityMaskTypeKHR::HIDDEN_TRIANGLE_MESH;
-        let mask = self.watchdog.watch("xrGetVisibilityMaskKHR", || self.session.get_visibility_mask_khr(STEREO, eye, kind));
+        let mask =
+            self.watchdog.watch("xrGetVisibilityMaskKHR", || self.session.get_visibility_mask_khr(STEREO, eye, kind));
         // All is seen where the runtime does not say what is hidden.
         let Ok(mask) = mask else { return Vec::new() };
         let corner = |index: &u32| mask.vertices.get(*index as usize).map(|v| [f64::from(v.x), f64::from(v.y)]);

@@ -15,6 +15,8 @@ pub struct FrameRecord {
     pub period: Duration,
     /// Frames of the display since the one before that went without a new picture.
     pub missed: u32,
+    /// Whether the left and the right hand were tracked.
+    pub hands: [bool; 2],
     /// What was drawn.
     pub painted: Painted,
 }
@@ -69,6 +71,7 @@ pub fn report_json(report: &Report) -> Value {
         "sizes": chosen(|p| json!(p.size)),
         "bounces": chosen(|p| json!(p.bounces)),
         "session_states": report.states.iter().map(|s| s.name()).collect::<Vec<_>>(),
+        "hands_tracked": (0..2).map(|hand: usize| frames.iter().filter(|f| f.hands[hand]).count()).collect::<Vec<_>>(),
         "odd_state_changes": report.odd_changes,
     })
 }
