@@ -11,7 +11,7 @@
 //! | deck group, pairing | the discrete group of a quotient, and its generator attached to a face of the domain |
 //! | cell, domain | a convex polyhedron with its faces glued in pairs; a [`space::Space`] has one or more |
 //! | chart | affine coordinates of a cell, in which meshes are stored and hierarchies are built |
-//! | segment | a straight piece of the chart that is given to traversal: a whole crossing where geodesics are straight in the chart, a chord of the curve elsewhere |
+//! | segment | a piece of the chart that is given to traversal: a whole crossing where geodesics are straight in the chart, elsewhere an arc of a parabola that follows the curve |
 //! | bounce | one passage of a ray through a face, mirrors included; not a reflection off an object |
 //! | observer | a point and an orthonormal frame; eyes, head and hands hang off it by the exponential map |
 //!

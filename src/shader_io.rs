@@ -77,8 +77,10 @@ structures! {
         max_distance: float,
         /// Colour times intensity of the light at the viewer, linear.
         headlight: vec3,
-        /// Largest deviation of a chord from its geodesic at unit distance, as an angle seen from the eye.
-        chord_tolerance: float,
+        /// Largest deviation of an arc from its geodesic, as an angle seen from the eye.
+        tolerance: float,
+        /// Largest way from the chord of a segment to its arc, in chart units.
+        sagitta: float,
         /// Width and height in pixels.
         size: uvec2,
         /// Largest number of face passages.
@@ -127,6 +129,8 @@ structures! {
         first_triangle: uint,
         /// Number of triangles.
         count: uint,
+        /// Boxes about its triangles reach this far beyond them.
+        margin: float,
     }
 
     /// A vertex of a mesh at rest.
@@ -207,6 +211,14 @@ structures! {
         material: uint,
         /// Index of the scene's object.
         object: uint,
+    }
+
+    /// A box about a primitive.
+    struct Box {
+        /// Its lower corner.
+        lower: vec3,
+        /// Its upper corner.
+        upper: vec3,
     }
 
     /// The surface `Σ (form · x)² = quadratic |chart|² + constant`, `x = (chart, 1)`.
@@ -366,17 +378,28 @@ numbers! {
     /// Segments reach this far beyond both ends, in chart units, so that a surface that passes through a face is
     /// met by the segment before the face or by the one behind it whatever the rounding.
     OVERLAP: float = 4e-6;
-    /// Length of a chord in an unbounded cell where the curve parameter does not reach the path's end.
+    /// Boxes for a device's traversal are larger than what is in them by this, in units of their coordinates and of the
+    /// chart: the rounding of f32.
+    BOX_SLACK: float = 4e-6;
+    /// f32 counterpart of the cpu backend's slack at the edges of triangles that arcs meet, in chart units.
+    ON_EDGE: float = 2.5e-7;
+    /// Times that a segment whose chord is too far from its arc is made shorter.
+    SAGITTA_STEPS: uint = 4;
+    /// A curve that leaves a cell and comes back within one arc, no farther outside than this many times what the arc may
+    /// deviate, has not left. (Chart and metric differ by less than that in a cell.)
+    FACE_MARGIN: float = 8.0;
+    /// Length of the longest arc, and of a segment in an unbounded cell where the curve parameter does not reach the
+    /// path's end.
     STRIDE: float = 2.0;
     /// A path's segment ends where the path ends.
     END_LIMIT: uint = 0xffff_ffff;
-    /// A path's segment is a chord that ends inside the cell.
-    END_CHORD: uint = 0xffff_fffe;
+    /// A path's segment is an arc that ends inside the cell.
+    END_ARC: uint = 0xffff_fffe;
     /// Face passages of a shadow ray after which its light counts as reached.
     SHADOW_BOUNCES: uint = 64;
     /// Light falls off as if it came from no nearer than this, so that a light at a surface stays finite.
     MIN_LIGHT_AREA: float = 1e-4;
-    /// Segments per permitted bounce after which a path is given up: chords of curved geodesics are counted.
+    /// Segments per permitted bounce after which a path is given up: arcs of curved geodesics are counted.
     SEGMENTS_PER_BOUNCE: uint = 4096;
     /// Pixels across one workgroup.
     GROUP_WIDTH: uint = 8;
@@ -459,8 +482,8 @@ numbers! {
     PROBE_ADVANCE: uint = 6;
     /// Probe: `geo_exit`.
     PROBE_EXIT: uint = 7;
-    /// Probe: `geo_chord`.
-    PROBE_CHORD: uint = 8;
+    /// Probe: `geo_arc`.
+    PROBE_ARC: uint = 8;
     /// Probe: `geo_parameter`.
     PROBE_PARAMETER: uint = 9;
     /// Probe: `geo_restore`.
@@ -483,6 +506,8 @@ numbers! {
     PROBE_BASE: uint = 15;
     /// Probe: `geo_lower`.
     PROBE_LOWER: uint = 19;
+    /// Probe: `geo_chart_vector`.
+    PROBE_CHART_VECTOR: uint = 20;
 }
 
 /// Declares specialization constants with the ids 0, 1, 2, … for both sides.
@@ -612,14 +637,18 @@ bindings! {
     21 placed: writeonly Triangle;
     /// Their shading data, to be written.
     22 placed_shading: writeonly TriangleShading;
+    /// The boxes about them, to be written.
+    23 placed_boxes: writeonly Box;
+    /// Bends of the segments in flight, one for each invocation of a launch.
+    24 bends: coherent vec3;
     /// Pixels that have rays: column, row and eye in the bits of a word.
-    23 rays: readonly uint;
+    25 rays: readonly uint;
     /// Pixels in a row that share a ray, for each square of [`RATE_TILE`] pixels of each eye.
-    24 rates: readonly uint;
+    26 rates: readonly uint;
     /// Pixels of the eyes as the image wants them: one or two words each.
-    25 packed: writeonly uint;
+    27 packed: writeonly uint;
     /// Depths of the eyes.
-    26 depths: writeonly float;
+    28 depths: writeonly float;
 }
 
 /// Text of `shared/io.glsl`.

@@ -31,6 +31,7 @@ const ENTRIES: &[&str] = &[
     "recursive.rmiss",
     "shadow.rmiss",
     "triangle.rchit",
+    "triangle.rint",
     "quadric.rchit",
     "quadric.rint",
     "mask.rahit",

@@ -29,6 +29,12 @@ void main() {
     if (outside) at[0] = at[1] = at[2] = vec3(0.0);
     uint triangle = io_placement.first_triangle + index;
     io_placed[triangle] = Triangle(at[0], at[1], at[2]);
+    if (!GEO_STRAIGHT) {
+        vec3 lower = min(at[0], min(at[1], at[2]));
+        vec3 upper = max(at[0], max(at[1], at[2]));
+        io_placed_boxes[triangle] = Box(lower - io_placement.margin - IO_BOX_SLACK * (1.0 + abs(lower)),
+                                        upper + io_placement.margin + IO_BOX_SLACK * (1.0 + abs(upper)));
+    }
     io_placed_shading[triangle].conormal_a = conormal[0];
     io_placed_shading[triangle].conormal_b = conormal[1];
     io_placed_shading[triangle].conormal_c = conormal[2];

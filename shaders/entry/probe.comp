@@ -21,8 +21,8 @@ void main() {
     case IO_PROBE_LENGTH: r.point.x = geo_length(g, q.t); break;
     case IO_PROBE_PARAMETER_AT: r.point.x = geo_parameter_at(g, q.t); break;
     case IO_PROBE_ADVANCE: r = geo_advance(g, q.t); break;
-    case IO_PROBE_EXIT: r.point.x = geo_exit(g, q.c); break;
-    case IO_PROBE_CHORD: r.point.x = geo_chord(g, q.c.x, q.t); break;
+    case IO_PROBE_EXIT: r.point.x = geo_exit(g, q.c, q.t); break;
+    case IO_PROBE_ARC: r.point.x = geo_arc(g, q.c.x, q.t); break;
     case IO_PROBE_PARAMETER: r.point.x = geo_parameter(g, q.c.xyz); break;
     case IO_PROBE_RESTORE: r = geo_restore(g); break;
     case IO_PROBE_CHART: r.point.xyz = geo_chart(q.a); break;
@@ -33,6 +33,7 @@ void main() {
     case IO_PROBE_CLOSENESS: r.point.x = geo_closeness(q.a, q.b); break;
     case IO_PROBE_CROSS: r = geo_cross(Isometry(mat4(io_faces[0].linear), io_faces[0].shift), q.c, g); break;
     case IO_PROBE_BASE: r.point = geo_base(); break;
+    case IO_PROBE_CHART_VECTOR: r.point.xyz = geo_chart_vector(q.a, q.b); break;
     case IO_PROBE_LOWER: r.point.xyz = geo_lower(q.a, q.b); break;
     }
     io_probe_out[i] = ProbeOut(r.point, r.velocity);

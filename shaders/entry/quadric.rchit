@@ -1,12 +1,12 @@
 // The closest-hit shader of quadrics.
 #define COUNT_AT_ONCE
-#include "trace/payload.glsl"
+#include "trace/ray.glsl"
 
 layout(location = PAYLOAD_PRIMARY) rayPayloadInEXT Payload payload;
 layout(shaderRecordEXT, scalar) buffer Record { HitRecord record; };
 
 void main() {
-    Segment segment = Segment(gl_WorldRayOriginEXT, gl_WorldRayDirectionEXT);
+    Segment segment = ray_segment();
     uint index = record.first + gl_PrimitiveID;
     stage_hit_quadric(payload.path, payload.hit, segment, index, io_quadric_shading[index].material);
 }

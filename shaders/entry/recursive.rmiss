@@ -1,6 +1,6 @@
 // The recursive variant, an experiment: as in the book's text (its section 3.3.5) the miss shader does not only
 // transport the geodesic but traces on itself. Each segment is one level of recursion, up to one more than bounces, which
-// is what the pipeline declares; chords beyond that are left to raygen's loop.
+// is what the pipeline declares; arcs beyond that are left to raygen's loop.
 #define COUNT_AT_ONCE
 #include "trace/payload.glsl"
 
@@ -12,6 +12,7 @@ void main() {
     if (payload.path.status != PATH_FLYING || payload.path.segments > io_view[0].bounces
         || !stage_segment(payload.path, walk_limit(), io_view[0].bounces, false, segment)) return;
     count(IO_COUNT_SEGMENTS);
+    payload_bend(segment);
     traceRayEXT(accelerationStructureEXT(io_scenes[walk_cell(payload.path)]),
                 IO_ALPHA_MASK ? gl_RayFlagsNoneEXT : gl_RayFlagsOpaqueEXT, 0xffu, 0u, 1u, MISS_PRIMARY,
                 segment.origin, 0.0, segment.direction, 1.0, PAYLOAD_PRIMARY);

@@ -1,11 +1,11 @@
 // The closest-hit shader of meshes.
 #define COUNT_AT_ONCE
-#include "trace/payload.glsl"
+#include "trace/ray.glsl"
 
 layout(location = PAYLOAD_PRIMARY) rayPayloadInEXT Payload payload;
 layout(shaderRecordEXT, scalar) buffer Record { HitRecord record; };
 
 void main() {
-    Segment segment = Segment(gl_WorldRayOriginEXT, gl_WorldRayDirectionEXT);
+    Segment segment = ray_segment();
     stage_hit_triangle(payload.path, payload.hit, segment, record.first + gl_PrimitiveID, record.material);
 }

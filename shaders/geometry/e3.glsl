@@ -15,21 +15,23 @@
 //   float    geo_parameter_at(Geodesic g, float t)          curve parameter at arc length t >= 0
 //   Geodesic geo_advance(Geodesic g, float u)               state at curve parameter u
 //   float    geo_side(vec4 p, vec4 plane)                   size of the plane's form at p: negative inside
-//   float    geo_exit(Geodesic g, vec4 plane)               first u >= 0 where g leaves through plane; else infinity
-//   float    geo_chord(Geodesic g, float u_max, float tol)  largest u <= u_max whose chord deviates at most tol
+//   float    geo_exit(Geodesic g, vec4 plane, float reach)  first u in [0, reach] where g leaves through plane; else more
+//   float    geo_arc(Geodesic g, float u_max, float tol)    largest u <= u_max whose arc deviates at most tol
 //   float    geo_parameter(Geodesic g, vec3 c)              u of the curve's point nearest to chart point c
 //   Geodesic geo_restore(Geodesic g)                        the state, back on the model
 //   vec3     geo_chart(vec4 p)                              chart coordinates
 //   vec4     geo_unchart(vec3 c)                            and back
+//   vec3     geo_chart_vector(vec4 p, vec4 v)               image of a tangent vector under the chart's differential
 //   vec4     geo_raise(vec4 p, vec3 conormal)               unit normal of a surface with this chart conormal
 //   vec3     geo_lower(vec4 p, vec4 v)                      chart conormal of a tangent vector: raise, up to length
 //   Geodesic geo_apply(Isometry m, Geodesic g)              image of the state under an isometry
 //   Geodesic geo_cross(Isometry m, vec4 plane, Geodesic g)  passage through the face `plane`, m folded as in Rust
 //
 // The curve parameter is the geometry's own: 0 at the start, increasing with arc length, chosen so that exits
-// are cheap. A segment for traversal is the chord chart(g) .. chart(geo_advance(g, u)), so where geodesics are
-// straight in the chart geo_chord returns u_max, and elsewhere a path takes several segments to the next face, and a
-// segment's hit is refined onto the curve. GEO_STRAIGHT decides that at compile time.
+// are cheap; that of geo_flow where geodesics are curves in the chart. A segment for traversal goes from chart(g) to
+// chart(geo_advance(g, u)): straight where geodesics are straight in the chart, so there geo_arc returns u_max; elsewhere
+// along an arc of a parabola. There a path takes several segments to the next face, and a segment's hit is refined onto
+// the curve. GEO_STRAIGHT decides that at compile time.
 
 const bool GEO_STRAIGHT = true;
 
@@ -76,12 +78,12 @@ float geo_side(vec4 p, vec4 plane) {
     return dot(plane, p);
 }
 
-float geo_exit(Geodesic g, vec4 plane) {
+float geo_exit(Geodesic g, vec4 plane, float reach) {
     float rate = dot(plane, g.velocity);
     return rate > IO_ALONG_FACE ? max(-dot(plane, g.point) / rate, 0.0) : M_INFINITY;
 }
 
-float geo_chord(Geodesic g, float u_max, float tolerance) {
+float geo_arc(Geodesic g, float u_max, float tolerance) {
     return u_max;
 }
 
@@ -99,6 +101,10 @@ vec3 geo_chart(vec4 p) {
 
 vec4 geo_unchart(vec3 c) {
     return vec4(c, 1.0);
+}
+
+vec3 geo_chart_vector(vec4 p, vec4 v) {
+    return v.xyz;
 }
 
 vec4 geo_raise(vec4 p, vec3 conormal) {

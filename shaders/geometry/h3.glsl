@@ -66,14 +66,14 @@ float geo_side(vec4 p, vec4 plane) {
     return dot(plane, p);
 }
 
-float geo_exit(Geodesic g, vec4 plane) {
+float geo_exit(Geodesic g, vec4 plane, float reach) {
     float rate = dot(plane, g.velocity);
     if (rate <= IO_ALONG_FACE) return M_INFINITY;
     float u = max(-dot(plane, g.point) / rate, 0.0);
     return u < 1.0 ? u : M_INFINITY;
 }
 
-float geo_chord(Geodesic g, float u_max, float tolerance) {
+float geo_arc(Geodesic g, float u_max, float tolerance) {
     return u_max;
 }
 
@@ -97,6 +97,10 @@ vec3 geo_chart(vec4 p) {
 vec4 geo_unchart(vec3 c) {
     float r = length(c);
     return vec4(c, 1.0) * inversesqrt((1.0 - r) * (1.0 + r));
+}
+
+vec3 geo_chart_vector(vec4 p, vec4 v) {
+    return (v.xyz - geo_chart(p) * v.w) / p.w;
 }
 
 vec4 geo_raise(vec4 p, vec3 conormal) {

@@ -130,7 +130,7 @@ float nil_exit_upright(Geodesic g, vec4 plane) {
     return rise > 0.0 && abs(w) > 1e-30 ? 2.0 * m_atan(rise, w < 0.0 ? -bend : bend) / abs(w) : M_INFINITY;
 }
 
-float nil_exit_slanted(Geodesic g, vec4 plane) {
+float nil_exit_slanted(Geodesic g, vec4 plane, float reach) {
     float w = max(abs(g.velocity.z), 1e-12);
     float square = dot(g.velocity.xy, g.velocity.xy);
     float c = sqrt(square);
@@ -138,7 +138,7 @@ float nil_exit_slanted(Geodesic g, vec4 plane) {
     float amplitude = c / w * length(vec2(plane.x, plane.y + plane.z * centre)) + 0.25 * abs(plane.z) * square / (w * w);
     bool recedes = plane.z * g.velocity.z <= 0.0;
     float t = 0.0;
-    for (int i = 0; i < PASSAGE_STEPS && t < 1e6; i++) {
+    for (int i = 0; i < PASSAGE_STEPS && t <= min(reach, 1e6); i++) {
         Geodesic h = geo_flow(g, t);
         float value = dot(plane, h.point);
         if (recedes && value < -2.0 * amplitude) break;
@@ -150,24 +150,26 @@ float nil_exit_slanted(Geodesic g, vec4 plane) {
     return M_INFINITY;
 }
 
-float geo_exit(Geodesic g, vec4 plane) {
-    return plane.z == 0.0 ? nil_exit_upright(g, plane) : nil_exit_slanted(g, plane);
+float geo_exit(Geodesic g, vec4 plane, float reach) {
+    return plane.z == 0.0 ? nil_exit_upright(g, plane) : nil_exit_slanted(g, plane, reach);
 }
 
-// Largest chord by the curvature bound of the twin, for a step of length t.
-float nil_chord_allowed(float t, float sagitta, float turn, float lean, float growth) {
-    return sqrt(sagitta / max(length(vec2(turn, lean + growth * t)), 1e-30));
-}
-
-float geo_chord(Geodesic g, float u_max, float tolerance) {
-    float square = dot(g.velocity.xy, g.velocity.xy);
-    float turn = sqrt(square) * abs(g.velocity.z);
-    float lean = abs(g.velocity.x * g.velocity.y);
-    float growth = 2.0 * square * abs(g.velocity.z);
-    float sagitta = 8.0 * tolerance / (1.0 + 0.25 * tolerance);
-    float shorter = min(u_max, nil_chord_allowed(u_max, sagitta, turn, lean, growth));
-    float guess = sqrt(shorter * min(u_max, nil_chord_allowed(shorter, sagitta, turn, lean, growth)));
-    return min(max(shorter, min(guess, nil_chord_allowed(guess, sagitta, turn, lean, growth))), u_max);
+float geo_arc(Geodesic g, float u_max, float tolerance) {
+    // Bound of the third derivative over a step: see the twin.
+    vec2 squares = g.velocity.xy * g.velocity.xy;
+    float square = squares.x + squares.y;
+    float w = abs(g.velocity.z);
+    float turn = w * w * sqrt(square);
+    float lean = w * abs(2.0 * squares.x - squares.y);
+    float growth = 4.0 * w * w * square;
+    float deviation = tolerance / (1.0 + 0.25 * tolerance);
+    float upper = u_max;
+    float lower = 0.0;
+    for (int i = 0; i < M_ARC_STEPS; i++) {
+        lower = m_arc(length(vec2(turn, lean + growth * min(upper, 1e15))), deviation, u_max);
+        upper = m_arc(length(vec2(turn, lean + growth * lower)), deviation, u_max);
+    }
+    return lower;
 }
 
 float geo_parameter(Geodesic g, vec3 c) {
@@ -192,6 +194,10 @@ vec3 geo_chart(vec4 p) {
 
 vec4 geo_unchart(vec3 c) {
     return vec4(c, 1.0);
+}
+
+vec3 geo_chart_vector(vec4 p, vec4 v) {
+    return vec3(v.xy, v.z + p.x * v.y);
 }
 
 vec4 geo_raise(vec4 p, vec3 conormal) {

@@ -56,7 +56,7 @@ float geo_side(vec4 p, vec4 plane) {
     return dot(plane, p);
 }
 
-float geo_exit(Geodesic g, vec4 plane) {
+float geo_exit(Geodesic g, vec4 plane, float reach) {
     // a cos t + b sin t = 0 from below: tan(t/2) = -a / (sqrt(a^2 + b^2) + b).
     float a = dot(plane, g.point);
     float b = dot(plane, g.velocity);
@@ -65,7 +65,7 @@ float geo_exit(Geodesic g, vec4 plane) {
     return a < -IO_ON_FACE ? (radius - b) / -a : M_INFINITY;
 }
 
-float geo_chord(Geodesic g, float u_max, float tolerance) {
+float geo_arc(Geodesic g, float u_max, float tolerance) {
     return u_max;
 }
 
@@ -87,6 +87,10 @@ vec3 geo_chart(vec4 p) {
 
 vec4 geo_unchart(vec3 c) {
     return normalize(vec4(c, 1.0));
+}
+
+vec3 geo_chart_vector(vec4 p, vec4 v) {
+    return (v.xyz - geo_chart(p) * v.w) / p.w;
 }
 
 vec4 geo_raise(vec4 p, vec3 conormal) {

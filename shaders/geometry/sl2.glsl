@@ -5,7 +5,7 @@
 
 const bool GEO_STRAIGHT = false;
 
-const float SL2_HORIZON = 16.0; // longest chord; exits through planes that are not vertical are looked for so far
+const float SL2_HORIZON = 16.0; // longest arc; exits through planes that are not vertical are looked for so far at most
 
 vec2 sl2_perp(vec2 v) {
     return vec2(-v.y, v.x);
@@ -168,7 +168,7 @@ float geo_length(Geodesic g, float u) {
 }
 
 float geo_parameter_at(Geodesic g, float t) {
-    // Finite, so that a walk without end goes on by chords.
+    // Finite, so that a walk without end goes on by arcs.
     return min(t, 3e38);
 }
 
@@ -190,7 +190,11 @@ vec4 geo_unchart(vec3 c) {
     return vec4(c.xy * w, c.z, w);
 }
 
-float geo_exit(Geodesic g, vec4 plane) {
+vec3 geo_chart_vector(vec4 p, vec4 v) {
+    return sl2_chart_differential(p) * v.xyz;
+}
+
+float geo_exit(Geodesic g, vec4 plane, float reach) {
     vec4 p = g.point;
     if (plane.z == 0.0) {
         // A vertical plane: the form in coordinates about the base of p.
@@ -207,7 +211,7 @@ float geo_exit(Geodesic g, vec4 plane) {
     float bend = 2.0 * length(plane.xy) + 0.75 * abs(plane.z);
     float s = 0.0;
     float before = -1.0;
-    for (int i = 0; i < 4096 && s <= SL2_HORIZON; i++) {
+    for (int i = 0; i < 4096 && s <= min(reach, SL2_HORIZON); i++) {
         Geodesic at = geo_flow(g, s);
         float value = dot(plane.xyz, geo_chart(at.point)) + plane.w;
         float rate = dot(plane.xyz, sl2_chart_differential(at.point) * at.velocity.xyz);
@@ -227,27 +231,56 @@ float geo_exit(Geodesic g, vec4 plane) {
     return M_INFINITY;
 }
 
-// Deviation h^2/8 times a bound of the acceleration over a step: see the twin.
-float sl2_allowed(float acceleration, float speed, float distance, float h, float limit, float tolerance) {
-    float distortion = speed * min(0.31 + 2.0 * (distance + h), 2.0);
-    float most = (acceleration + 2.3 * speed * speed * h) * 2.0 * m_half_exp(distortion * h);
-    return min(sqrt(8.0 * tolerance / max(most, 1e-30)), limit);
+// The third derivative of the chart at the start: see the twin.
+vec3 sl2_third_derivative(vec4 p, vec2 v, float c) {
+    float square = dot(v, v);
+    vec2 bent = -c * sl2_perp(v);
+    // The base point's derivatives in the hyperboloid.
+    float along = dot(p.xy, v);
+    vec3 first = vec3(v + p.xy * (along / (1.0 + p.w)), along);
+    along = dot(p.xy, bent);
+    vec3 second = vec3(bent + p.xy * (square + along / (1.0 + p.w)), along + p.w * square);
+    vec3 third = first * (square - c * c);
+    vec2 xi = p.xy / p.w;
+    vec2 xi_1 = (first.xy - xi * first.z) / p.w;
+    vec2 xi_2 = (second.xy - xi * second.z - 2.0 * first.z * xi_1) / p.w;
+    vec2 xi_3 = (third.xy - xi * third.z - 3.0 * first.z * xi_2 - 3.0 * second.z * xi_1) / p.w;
+    float area = sl2_cross(first.xy, p.xy);
+    float area_1 = sl2_cross(second.xy, p.xy);
+    float area_2 = sl2_cross(third.xy, p.xy) + sl2_cross(second.xy, first.xy);
+    float share = 1.0 / (1.0 + p.w);
+    float share_1 = -first.z * share * share;
+    float share_2 = share * share * (2.0 * first.z * first.z * share - second.z);
+    return vec3(xi_3, area_2 * share + 2.0 * area_1 * share_1 + area * share_2);
 }
 
-float geo_chord(Geodesic g, float u_max, float tolerance) {
+// Metric length of a vector of the chart.
+float sl2_frame_length(vec4 p, vec3 dc) {
+    vec2 xi = p.xy / p.w;
+    float rise = p.w * p.w * p.w * dot(xi, dc.xy);
+    vec2 step = dc.xy * p.w + xi * rise;
+    vec2 horizontal = step - p.xy * (rise - dot(p.xy, step) / (1.0 + p.w));
+    return length(vec3(horizontal, dc.z - sl2_cross(horizontal, p.xy) / (1.0 + p.w)));
+}
+
+// Bound of the third derivative over a step h.
+float sl2_third(float third, float speed, float distance, float h) {
+    float distortion = speed * min(0.31 + 2.0 * (distance + h), 2.0);
+    return (third + 6.12 * speed * speed * h) * 2.0 * m_half_exp(distortion * h);
+}
+
+float geo_arc(Geodesic g, float u_max, float tolerance) {
     vec4 p = g.point;
     vec2 v = sl2_rotate(p.z, g.velocity.xy);
-    vec2 far = p.xy / p.w;
-    vec2 half_far = p.xy / (1.0 + p.w);
     float speed = length(v);
-    float fibre = dot(v, half_far) * sl2_cross(v, 2.0 * far - half_far);
-    float acceleration = length(vec3(speed * g.velocity.z, 2.0 * dot(v, far) * speed, fibre));
+    float distance = length(p.xy) / p.w;
+    float third = sl2_frame_length(p, sl2_third_derivative(p, v, g.velocity.z));
     float limit = min(u_max, SL2_HORIZON);
     float upper = limit;
     float lower = 0.0;
-    for (int i = 0; i < 3; i++) {
-        lower = sl2_allowed(acceleration, speed, length(far), upper, limit, tolerance);
-        upper = sl2_allowed(acceleration, speed, length(far), lower, limit, tolerance);
+    for (int i = 0; i < M_ARC_STEPS; i++) {
+        lower = m_arc(sl2_third(third, speed, distance, upper), tolerance, limit);
+        upper = m_arc(sl2_third(third, speed, distance, lower), tolerance, limit);
     }
     return lower;
 }

@@ -143,7 +143,7 @@ float geo_side(vec4 p, vec4 plane) {
     return dot(plane.xyz, p.xyz) + plane.w;
 }
 
-float geo_exit(Geodesic g, vec4 plane) {
+float geo_exit(Geodesic g, vec4 plane, float reach) {
     float q = sl2_trace_square(g.velocity);
     float even = dot(plane.xyz, g.point.xyz) + plane.x;
     float rate = dot(plane.xyz, sl2_trace_entries(sl2_trace_matrix(g.point) * sl2_trace_algebra(g.velocity)).xyz);
@@ -153,25 +153,23 @@ float geo_exit(Geodesic g, vec4 plane) {
     return u < sl2_trace_edge(g) ? u : M_INFINITY;
 }
 
-// Bound of the deviation: see the twin.
-float sl2_trace_allowed(float q, float slope, float norm, float h, float limit, float tolerance) {
+// Bound of the third derivative over a step h: see the twin.
+float sl2_trace_third(float q, float slope, float norm, float h) {
     vec2 sc = m_sincos(slope + norm * h);
     float beta = sc.x / sc.y;
-    float beta2 = beta * beta;
-    float most = q * sqrt(2.0 + 4.0 * beta2) * 2.0 * m_half_exp(norm * h * (1.0 + sqrt(1.0 + beta2)));
-    return min(sqrt(8.0 * tolerance / max(most, 1e-30)), limit);
+    return q * norm * 2.0 * m_half_exp(norm * h * (1.0 + sqrt(1.0 + beta * beta)));
 }
 
-float geo_chord(Geodesic g, float u_max, float tolerance) {
+float geo_arc(Geodesic g, float u_max, float tolerance) {
     float norm = length(sl2_trace_framed(g.velocity));
     float q = abs(sl2_trace_square(g.velocity));
     float slope = m_atan(abs(g.point.y), abs(1.0 + g.point.x));
     float limit = min(u_max, 0.5 * (M_HALF_PI - slope) / norm);
     float upper = limit;
     float lower = 0.0;
-    for (int i = 0; i < 3; i++) {
-        lower = sl2_trace_allowed(q, slope, norm, upper, limit, tolerance);
-        upper = sl2_trace_allowed(q, slope, norm, lower, limit, tolerance);
+    for (int i = 0; i < M_ARC_STEPS; i++) {
+        lower = m_arc(sl2_trace_third(q, slope, norm, upper), tolerance, limit);
+        upper = m_arc(sl2_trace_third(q, slope, norm, lower), tolerance, limit);
     }
     return lower;
 }
@@ -200,6 +198,10 @@ vec3 geo_chart(vec4 p) {
 
 vec4 geo_unchart(vec3 c) {
     return sl2_trace_point(c);
+}
+
+vec3 geo_chart_vector(vec4 p, vec4 v) {
+    return sl2_trace_entries(sl2_trace_matrix(p) * sl2_trace_algebra(v)).xyz;
 }
 
 vec4 geo_raise(vec4 p, vec3 conormal) {

@@ -7,7 +7,7 @@ const bool GEO_STRAIGHT = false;
 
 const int SOL_TERMS = 15;
 const float SOL_STEP = 0.5;
-const float SOL_HORIZON = 1.0; // longest chord; exits are looked for so far ahead
+const float SOL_HORIZON = 1.0; // longest arc; exits are looked for so far ahead at most
 const float SOL_LONG = 64.0;   // from here on whole periods are counted
 const float SOL_REACH = 85.0;  // beyond it e^z leaves f32
 
@@ -239,7 +239,7 @@ float geo_length(Geodesic g, float u) {
 }
 
 float geo_parameter_at(Geodesic g, float t) {
-    // Finite, so that a walk without end goes on by chords.
+    // Finite, so that a walk without end goes on by arcs.
     return min(t, 3e38);
 }
 
@@ -251,14 +251,14 @@ float geo_side(vec4 p, vec4 plane) {
     return dot(plane, p);
 }
 
-float geo_exit(Geodesic g, vec4 plane) {
+float geo_exit(Geodesic g, vec4 plane, float reach) {
     vec3 n = vec3(sol_stretch(g.point.z, plane.xy), plane.z);
     float value = geo_side(g.point, plane);
     bool on_face = value >= -IO_ON_FACE;
     if (on_face && dot(n, g.velocity.xyz) > IO_ALONG_FACE) return 0.0;
     float start = on_face ? -IO_ON_FACE + min(value, 0.0) : value;
     SolTrack track = SolTrack(g.velocity.xyz, vec3(0.0), g.velocity.z);
-    for (float travelled = 0.0; travelled < SOL_HORIZON; travelled += SOL_STEP) {
+    for (float travelled = 0.0; travelled < min(reach, SOL_HORIZON); travelled += SOL_STEP) {
         vec3 v = sol_velocity(track);
         SolSeries series = sol_series(v);
         // In coordinates about the step's start |x''| = 2|uw| e^z with |uw| <= 1/2, and |z''| <= 1.
@@ -292,20 +292,18 @@ float geo_exit(Geodesic g, vec4 plane) {
     return M_INFINITY;
 }
 
-// Deviation h^2/8 times the acceleration, which is at most (a + 0.61h) e^h over a step: see the twin.
-float sol_allowed(float acceleration, float h, float limit, float tolerance) {
-    return min(sqrt(8.0 * tolerance / max((acceleration + 0.61 * h) * sol_exp(h), 1e-30)), limit);
-}
-
-float geo_chord(Geodesic g, float u_max, float tolerance) {
+float geo_arc(Geodesic g, float u_max, float tolerance) {
+    // The third derivative is at most (j + 2.93 h) e^h over a step: see the twin.
     vec3 v = g.velocity.xyz;
-    float acceleration = length(vec3(2.0 * v.x * v.z, 2.0 * v.y * v.z, v.y * v.y - v.x * v.x));
+    vec3 square = v * v;
+    vec2 across = v.xy * (2.0 * square.z + square.yx - square.xy);
+    float third = 2.0 * length(vec3(across, v.z * (square.x + square.y)));
     float limit = min(u_max, SOL_HORIZON);
     float upper = limit;
     float lower = 0.0;
-    for (int i = 0; i < 3; i++) {
-        lower = sol_allowed(acceleration, upper, limit, tolerance);
-        upper = sol_allowed(acceleration, lower, limit, tolerance);
+    for (int i = 0; i < M_ARC_STEPS; i++) {
+        lower = m_arc((third + 2.93 * upper) * sol_exp(upper), tolerance, limit);
+        upper = m_arc((third + 2.93 * lower) * sol_exp(lower), tolerance, limit);
     }
     return lower;
 }
@@ -333,6 +331,10 @@ vec3 geo_chart(vec4 p) {
 
 vec4 geo_unchart(vec3 c) {
     return vec4(c, 1.0);
+}
+
+vec3 geo_chart_vector(vec4 p, vec4 v) {
+    return vec3(sol_stretch(p.z, v.xy), v.z);
 }
 
 vec4 geo_raise(vec4 p, vec3 conormal) {

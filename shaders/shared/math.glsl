@@ -181,4 +181,13 @@ float m_safe_step(float value, float rate, float bend) {
     return rate > 0.0 ? -2.0 * value / (rate + root) : (root - rate) / bend;
 }
 
+// The longest arc whose chart's third derivative is at most `third`: it deviates by third h^3 / 96 (Segment::along in
+// src/geometry/mod.rs). Geometries bound the derivative over a step h by a function of h, and search in turn from above and
+// from below: M_ARC_STEPS times (longest_arc in src/geometry/curved.rs).
+float m_arc(float third, float tolerance, float limit) {
+    return min(pow(96.0 * tolerance / max(third, 1e-30), 1.0 / 3.0), limit);
+}
+
+const int M_ARC_STEPS = 2;
+
 #endif

@@ -140,10 +140,10 @@ float product_exit_vertical(Geodesic g, vec4 plane) {
 }
 
 // Exit through a plane that is neither vertical nor horizontal; bounds as in chart_motion of the twin.
-float product_exit_slanted(Geodesic g, vec4 plane) {
+float product_exit_slanted(Geodesic g, vec4 plane, float reach) {
     float c = product_speed(g);
     float t = 0.0;
-    for (int i = 0; i < PASSAGE_STEPS && t < 1e6; i++) {
+    for (int i = 0; i < PASSAGE_STEPS && t <= min(reach, 1e6); i++) {
         Geodesic h = geo_flow(g, t);
         vec4 p = h.point;
         vec4 v = h.velocity;
@@ -158,29 +158,33 @@ float product_exit_slanted(Geodesic g, vec4 plane) {
     return M_INFINITY;
 }
 
-float geo_exit(Geodesic g, vec4 plane) {
+float geo_exit(Geodesic g, vec4 plane, float reach) {
     if (product_vertical(plane)) return product_exit_vertical(g, plane);
-    if (!product_horizontal(plane)) return product_exit_slanted(g, plane);
+    if (!product_horizontal(plane)) return product_exit_slanted(g, plane, reach);
     float rate = plane.z * g.velocity.z;
     return rate > IO_ALONG_FACE ? max(-geo_side(g.point, plane) / rate, 0.0) : M_INFINITY;
 }
 
-// Largest chord by the curvature bound of the twin, for a step of length t.
-float product_chord_allowed(float t, float tolerance, float lean, float start, float c) {
+// Bound of the third derivative over a step of length t: see the twin.
+float product_third(float t, float lean, float start, float c) {
     float growth = (start + 1.1 * c * c * t) / (1.0 - max(PRODUCT_CURVATURE, 0.0) * 1.1 * start * t);
-    float x = 2.0 * growth * t;
-    return sqrt(4.0 * tolerance / max(1.07 * lean * growth * (1.0 + x + x * x), 1e-30));
+    if (PRODUCT_CURVATURE < 0.0) growth = min(growth, c);
+    float third = max(6.0 * growth * growth + 2.0 * PRODUCT_CURVATURE * c * c, 2.0 * c * c);
+    return lean * third * 2.0 * m_half_exp(2.0 * growth * t);
 }
 
-float geo_chord(Geodesic g, float u_max, float tolerance) {
+float geo_arc(Geodesic g, float u_max, float tolerance) {
     float c = product_speed(g);
     float lean = c * abs(g.velocity.z);
     float start = abs(g.velocity.w / g.point.w);
-    float longest = min(0.45 / max(c + 1.1 * start, 1e-30), u_max);
-    float shorter = min(longest, product_chord_allowed(longest, tolerance, lean, start, c));
-    float guess = sqrt(shorter * min(longest, product_chord_allowed(shorter, tolerance, lean, start, c)));
-    float curved = max(shorter, min(guess, product_chord_allowed(guess, tolerance, lean, start, c)));
-    return min(max(curved, tolerance / max(lean, 1e-30)), u_max);
+    float limit = min(0.45 / max(c + 1.1 * start, 1e-30), u_max);
+    float upper = limit;
+    float lower = 0.0;
+    for (int i = 0; i < M_ARC_STEPS; i++) {
+        lower = m_arc(product_third(upper, lean, start, c), tolerance, limit);
+        upper = m_arc(product_third(lower, lean, start, c), tolerance, limit);
+    }
+    return lower;
 }
 
 float geo_parameter(Geodesic g, vec3 c) {
@@ -209,6 +213,10 @@ vec4 geo_unchart(vec3 c) {
     vec4 p = vec4(c.xy, 0.0, 1.0) * inversesqrt(1.0 + PRODUCT_CURVATURE * dot(c.xy, c.xy));
     p.z = c.z;
     return p;
+}
+
+vec3 geo_chart_vector(vec4 p, vec4 v) {
+    return vec3((v.xy - p.xy / p.w * v.w) / p.w, v.z);
 }
 
 vec4 geo_raise(vec4 p, vec3 conormal) {

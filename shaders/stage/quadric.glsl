@@ -11,20 +11,14 @@ vec3 quadric_gradient(Quadric q, vec3 c) {
     return q.form0.xyz * dot(q.form0, x) + q.form1.xyz * dot(q.form1, x) + q.form2.xyz * dot(q.form2, x) - q.quadratic * c;
 }
 
-// The form itself.
-float quadric_form(Quadric q, vec3 c) {
-    vec4 x = vec4(c, 1.0);
-    vec3 f = vec3(dot(q.form0, x), dot(q.form1, x), dot(q.form2, x));
-    return dot(f, f) - q.quadratic * dot(c, c) - q.constant;
-}
-
 bool quadric_clipped(uint index, vec3 c) {
     QuadricShading shading = io_quadric_shading[index];
     vec4 x = vec4(c, 1.0);
     return dot(shading.clip0, x) < 0.0 || dot(shading.clip1, x) < 0.0;
 }
 
-// Smallest s in [0, min(1, s_end)] at which the segment meets the surface, or NO_HIT. An eye inside sees the far wall.
+// Smallest s in [0, min(1, s_end)] at which the segment meets the surface, or NO_HIT. An eye inside sees the far wall. For
+// straight segments: where others are needed there are no quadrics.
 float quadric_hit(Segment segment, uint index, float s_end) {
     Quadric quadric = io_quadric_surfaces[index];
     vec4 x = vec4(segment.origin, 1.0);

@@ -16,7 +16,7 @@ vec3 triangle_edges(Segment segment, vec3 a, vec3 b, vec3 c) {
 }
 
 // (s, weight of b, weight of c) on the triangle's plane, whether the segment passes inside or, by the rounding of
-// somebody else's test, just beside; s = NO_HIT for a segment along the plane.
+// somebody else's test, just beside; s = NO_HIT for a segment along the plane. For straight segments.
 vec3 triangle_solve(Segment segment, Triangle triangle) {
     precise vec3 a = triangle.a - segment.origin;
     precise vec3 b = triangle.b - segment.origin;
@@ -29,8 +29,44 @@ vec3 triangle_solve(Segment segment, Triangle triangle) {
     return vec3(dot(normal, a) / rate, edges.y / sum, edges.z / sum);
 }
 
+// Whether a point is on the inner side of an edge, from its distance times the lengths of edge and normal.
+bool triangle_within(float weight, vec3 edge, float area, float slack) {
+    return weight >= 0.0 || weight * weight <= slack * slack * area * dot(edge, edge);
+}
+
+// (s, weight of b, weight of c) of the first point where an arc meets the triangle, or NO_HIT: its height over the plane is
+// a quadratic of s.
+vec3 triangle_hit_arc(Segment segment, Triangle triangle) {
+    precise vec3 b = triangle.b - triangle.a;
+    precise vec3 c = triangle.c - triangle.a;
+    vec3 normal = cross(b, c);
+    float area = dot(normal, normal);
+    // height + (rate + bend) s - bend s^2
+    float height = dot(normal, segment.origin - triangle.a);
+    float bend = dot(normal, segment.bend);
+    float linear = dot(normal, segment.direction) + bend;
+    float discriminant = linear * linear + 4.0 * bend * height;
+    if (discriminant < 0.0 || area == 0.0) return vec3(NO_HIT);
+    float q = 0.5 * (linear + (linear < 0.0 ? -1.0 : 1.0) * sqrt(discriminant));
+    float one = q == 0.0 ? NO_HIT : -height / q;
+    float other = bend == 0.0 ? NO_HIT : q / bend;
+    for (int i = 0; i < 2; i++) {
+        float s = i == 0 ? min(one, other) : max(one, other);
+        if (!(s >= 0.0 && s <= 1.0)) continue;
+        precise vec3 at = segment_at(segment, s) - triangle.a;
+        float wb = dot(normal, cross(at, c));
+        float wc = dot(normal, cross(b, at));
+        vec3 size = abs(at) + abs(triangle.a);
+        float slack = IO_ON_EDGE * (1.0 + max(size.x, max(size.y, size.z)));
+        if (triangle_within(wb, c, area, slack) && triangle_within(wc, b, area, slack)
+            && triangle_within(area - wb - wc, c - b, area, slack)) return vec3(s, wb / area, wc / area);
+    }
+    return vec3(NO_HIT);
+}
+
 // The same, with s = NO_HIT where the segment does not pass inside or ends before.
 vec3 triangle_hit(Segment segment, Triangle triangle) {
+    if (!GEO_STRAIGHT) return triangle_hit_arc(segment, triangle);
     precise vec3 a = triangle.a - segment.origin;
     precise vec3 b = triangle.b - segment.origin;
     precise vec3 c = triangle.c - segment.origin;
@@ -38,11 +74,6 @@ vec3 triangle_hit(Segment segment, Triangle triangle) {
     if (min(edges.x, min(edges.y, edges.z)) < 0.0 && max(edges.x, max(edges.y, edges.z)) > 0.0) return vec3(NO_HIT);
     vec3 hit = triangle_solve(segment, triangle);
     return hit.x >= 0.0 && hit.x <= 1.0 ? hit : vec3(NO_HIT);
-}
-
-// Height of a chart point over the triangle's plane, in units of 1 / (twice its area).
-float triangle_form(Triangle triangle, vec3 at) {
-    return dot(cross(triangle.b - triangle.a, triangle.c - triangle.a), at - triangle.a);
 }
 
 // Weights of the second and third corner of a point of the triangle's plane, clamped to the triangle.

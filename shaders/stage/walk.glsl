@@ -1,7 +1,7 @@
 // Walking a geodesic through the cells: segments for traversal, and transport through the faces.
 //
 // A path alternates between two steps. `stage_segment` finds how far the geodesic goes before it leaves the cell
-// (or the chord's tolerance, or its largest length) and gives the straight piece of the chart to traversal; if
+// (or the arc's tolerance, or its largest length) and gives the segment of the chart to traversal; if
 // that meets nothing, the miss stage `stage_transport` moves the state to the segment's end and, at a face,
 // applies the pairing to point and velocity. Nothing here knows the geometry or the backend.
 #ifndef WALK_GLSL
@@ -16,13 +16,14 @@ const uint PATH_FLYING = 0u;
 const uint PATH_HIT = 1u;
 const uint PATH_GONE = 2u;
 
-// State of a ray between two segments; what the ray tracing pipeline carries from stage to stage (64 bytes).
+// State of a ray between two segments; what the ray tracing pipeline carries from stage to stage (64 bytes). While a
+// segment is traced, an arc's state is that of its end: it is known already, and transport needs it.
 struct Path {
-    vec4 point;     // where the current segment starts, in the cell's coordinates
+    vec4 point;     // where the current segment starts or, on an arc, ends, in the cell's coordinates
     vec4 velocity;  // unit tangent vector there
-    float travelled; // geodesic length from the source to `point`
+    float travelled; // geodesic length from the source to the segment's start
     float u_end;    // curve parameter of the segment's end
-    uint end;       // face at the segment's end (index into all faces), IO_END_CHORD or IO_END_LIMIT
+    uint end;       // face at the segment's end (index into all faces), IO_END_ARC or IO_END_LIMIT
     uint cell;
     uint bounces;   // faces passed
     uint segments;  // segments begun
@@ -30,11 +31,39 @@ struct Path {
     uint status;
 };
 
-// A straight piece of the chart, s in [0, 1].
+// What traversal gets of a path: c(s) = origin + s direction + s (1 - s) bend, s in [0, 1], in the chart. An arc of a
+// parabola; straight, with no bend, where GEO_STRAIGHT.
 struct Segment {
     vec3 origin;
     vec3 direction;
+    vec3 bend;
 };
+
+vec3 segment_at(Segment segment, float s) {
+    vec3 chord = segment.origin + s * segment.direction;
+    return GEO_STRAIGHT ? chord : chord + s * (1.0 - s) * segment.bend;
+}
+
+vec3 segment_tangent(Segment segment, float s) {
+    return GEO_STRAIGHT ? segment.direction : segment.direction + (1.0 - 2.0 * s) * segment.bend;
+}
+
+// The largest value that the form of a plane may have on a segment: no less than at any of its points.
+float segment_highest(Segment segment, vec4 plane) {
+    float start = dot(plane.xyz, segment.origin) + plane.w;
+    return max(start, start + dot(plane.xyz, segment.direction)) + 0.25 * max(dot(plane.xyz, segment.bend), 0.0);
+}
+
+// The segment from g to `end` at curve parameter u: its ends are the curve's, and so is the difference of its velocities
+// there (Segment::along in src/geometry/mod.rs).
+Segment segment_between(Geodesic g, Geodesic end, float u) {
+    vec3 origin = geo_chart(g.point);
+    Segment segment = Segment(origin, geo_chart(end.point) - origin, vec3(0.0));
+    if (!GEO_STRAIGHT) {
+        segment.bend = 0.5 * u * (geo_chart_vector(g.point, g.velocity) - geo_chart_vector(end.point, end.velocity));
+    }
+    return segment;
+}
 
 // A path of no length, in state g.
 Path walk_start(Geodesic g, uint cell, uint label) {
@@ -43,6 +72,16 @@ Path walk_start(Geodesic g, uint cell, uint label) {
 
 Geodesic walk_state(Path path) {
     return Geodesic(path.point, path.velocity);
+}
+
+// The state at curve parameter u of the segment that is traced.
+Geodesic walk_along(Path path, float u) {
+    return geo_advance(walk_state(path), GEO_STRAIGHT ? u : u - path.u_end);
+}
+
+void walk_set(inout Path path, Geodesic g) {
+    path.point = g.point;
+    path.velocity = g.velocity;
 }
 
 // Geodesic length at which primary rays end.
@@ -56,12 +95,51 @@ uint walk_cell(Path path) {
 
 // Takes the path through a face.
 void walk_cross(inout Path path, Geodesic g, uint face) {
-    Geodesic h = geo_restore(geo_cross(Isometry(io_faces[face].linear, io_faces[face].shift), io_faces[face].plane, g));
-    path.point = h.point;
-    path.velocity = h.velocity;
+    walk_set(path, geo_restore(geo_cross(Isometry(io_faces[face].linear, io_faces[face].shift), io_faces[face].plane, g)));
     path.bounces++;
     if (IO_FACES == 0u) path.cell = io_faces[face].cell;
     if (IO_LABELS && path.label != IO_NONE) path.label = io_label_table[path.label * uint(io_faces.length()) + face];
+}
+
+// Largest deviation of the next arc from its curve, a length, for a tolerance that is an angle e seen from the source:
+// e times the distance, and at the source what an arc whose direction is off by e deviates (deviation_at in
+// src/space/walk.rs).
+float walk_tolerance(Path path) {
+    float angle = io_view[0].tolerance;
+    return angle * (path.travelled + sqrt(angle) / 3.0);
+}
+
+// How far the next segment reaches: curve parameter of its end and what is there. An arc is known before any face is
+// looked at, and shows which faces it may leave by at all.
+struct Reach {
+    float u;
+    uint end;
+    Geodesic state; // at the end
+    Segment segment;
+};
+
+Reach walk_reach(Path path, float limit) {
+    Geodesic g = walk_state(path);
+    float rest = geo_parameter_at(g, limit - path.travelled);
+    float arc = geo_arc(g, rest, walk_tolerance(path));
+    Reach reach = Reach(arc, arc < rest ? IO_END_ARC : IO_END_LIMIT, g, Segment(vec3(0.0), vec3(0.0), vec3(0.0)));
+    if (GEO_STRAIGHT) return reach;
+    float stride = geo_parameter_at(g, IO_STRIDE);
+    if (stride < arc) {
+        reach.u = stride;
+        reach.end = IO_END_ARC;
+    }
+    for (uint i = 0u; i <= IO_SAGITTA_STEPS; i++) {
+        reach.state = geo_advance(g, reach.u);
+        reach.segment = segment_between(g, reach.state, reach.u);
+        // The way from the chord to the arc grows like u^2.
+        vec3 size = abs(reach.segment.bend);
+        float sagitta = 0.25 * max(size.x, max(size.y, size.z));
+        if (sagitta <= io_view[0].sagitta || i == IO_SAGITTA_STEPS) break;
+        reach.u *= 0.9 * sqrt(io_view[0].sagitta / sagitta);
+        reach.end = IO_END_ARC;
+    }
+    return reach;
 }
 
 // What the faces say of a state: where the geodesic leaves, and which face it violates most.
@@ -72,49 +150,57 @@ struct Faces {
     uint violated;
 };
 
-void walk_test_face(Geodesic g, uint face, inout Faces faces) {
+// Exits beyond faces.u do not matter, and most faces are far from an arc.
+void walk_test_face(Geodesic g, uint face, Segment segment, float margin, inout Faces faces) {
     vec4 plane = io_faces[face].plane;
     float side = geo_side(g.point, plane);
     if (side > faces.worst) {
         faces.worst = side;
         faces.violated = face;
     }
-    float u = geo_exit(g, plane);
+    if (!GEO_STRAIGHT && segment_highest(segment, plane) < -margin) return;
+    float u = geo_exit(g, plane, faces.u);
     if (u < faces.u) {
         faces.u = u;
         faces.exit = face;
     }
 }
 
-Faces walk_test_faces(Path path) {
+Faces walk_test_faces(Path path, Reach reach) {
     Geodesic g = walk_state(path);
-    Faces faces = Faces(M_INFINITY, IO_END_LIMIT, IO_ON_FACE, IO_END_LIMIT);
+    float margin = IO_FACE_MARGIN * walk_tolerance(path) + IO_ON_FACE;
+    Faces faces = Faces(reach.u, reach.end, IO_ON_FACE, IO_END_LIMIT);
     if (IO_FACES > 0u) {
         // One cell: a loop of known length with reads at known places.
-        [[unroll]] for (uint face = 0u; face < IO_FACES; face++) walk_test_face(g, face, faces);
+        [[unroll]] for (uint face = 0u; face < IO_FACES; face++) walk_test_face(g, face, reach.segment, margin, faces);
     } else {
         uint first = io_cells[path.cell].first_face;
         uint end = first + io_cells[path.cell].face_count;
-        for (uint face = first; face < end; face++) walk_test_face(g, face, faces);
+        for (uint face = first; face < end; face++) walk_test_face(g, face, reach.segment, margin, faces);
     }
     return faces;
 }
 
-// Largest deviation of the next chord from its curve, a length: the tolerance is an angle e seen from the source, so it
-// is e times the distance, travelled + s for a point at s along the chord. A curve of curvature k leaves its chord by
-// k s (h - s) / 2 there. That stays within the angle up to the h with sqrt(travelled + h) = sqrt(travelled) + sqrt(2 e / k),
-// whose deviation k h^2 / 8 is e travelled far from the source and e^2 / 2k at the source. The model geometries have
-// curvatures of order 1, and so the sum of both serves at any distance, wherever faces cut the path.
-float walk_tolerance(Path path) {
-    float angle = io_view[0].chord_tolerance;
-    return angle * (path.travelled + 0.5 * angle);
+// The same parabola, a little beyond its ends.
+Segment segment_extended(Segment segment, bool first) {
+    float slack = IO_OVERLAP * inversesqrt(max(dot(segment.direction, segment.direction), 1e-12));
+    if (GEO_STRAIGHT) {
+        if (!first) segment.origin -= slack * segment.direction;
+        segment.direction *= first ? 1.0 + slack : 1.0 + 2.0 * slack;
+        return segment;
+    }
+    vec3 end = segment_at(segment, 1.0 + slack);
+    if (!first) segment.origin = segment_at(segment, -slack);
+    float whole = first ? 1.0 + slack : 1.0 + 2.0 * slack;
+    return Segment(segment.origin, end - segment.origin, segment.bend * whole * whole);
 }
 
 // Finds the end of the segment that starts at the path's state, and brings a state that rounding has left outside
 // of its cell (at an edge or a corner) back first. The path ends after geodesic length `limit`, and at most `bounces`
 // faces are passed. False: the path has ended.
 bool stage_segment(inout Path path, float limit, uint bounces, bool first, out Segment segment) {
-    Faces faces = walk_test_faces(path);
+    Reach reach = walk_reach(path, limit);
+    Faces faces = walk_test_faces(path, reach);
     for (uint attempt = 0u; faces.violated != IO_END_LIMIT; attempt++) {
         bool lost = attempt == IO_REDUCE_LIMIT;
         if (lost) count(IO_COUNT_LOST);
@@ -123,53 +209,41 @@ bool stage_segment(inout Path path, float limit, uint bounces, bool first, out S
             return false;
         }
         walk_cross(path, walk_state(path), faces.violated);
-        faces = walk_test_faces(path);
+        reach = walk_reach(path, limit);
+        faces = walk_test_faces(path, reach);
     }
     float u = faces.u;
     path.end = faces.exit;
     Geodesic g = walk_state(path);
-    float rest = geo_parameter_at(g, limit - path.travelled);
-    if (rest < u) {
-        u = rest;
-        path.end = IO_END_LIMIT;
-    }
     // A geodesic that meets no face and has no limit ends here: only an unbounded cell lets it. One with a limit that
     // the curve parameter does not reach goes there in strides.
-    if (isinf(u)) {
+    if (GEO_STRAIGHT && isinf(u)) {
         if (isinf(limit)) {
             path.status = PATH_GONE;
             return false;
         }
         u = geo_parameter_at(g, IO_STRIDE);
-        path.end = IO_END_CHORD;
+        path.end = IO_END_ARC;
     }
-    float chord = geo_chord(g, u, walk_tolerance(path));
-    if (chord < u) {
-        u = chord;
-        path.end = IO_END_CHORD;
+    if (GEO_STRAIGHT || u < reach.u) {
+        reach.state = geo_advance(g, u);
+        reach.segment = segment_between(g, reach.state, u);
     }
+    if (!GEO_STRAIGHT) walk_set(path, reach.state);
     path.u_end = u;
     path.segments++;
-    segment.origin = geo_chart(g.point);
-    segment.direction = geo_chart(geo_advance(g, u).point) - segment.origin;
-    float slack = IO_OVERLAP * inversesqrt(max(dot(segment.direction, segment.direction), 1e-12));
-    if (!first) segment.origin -= slack * segment.direction;
-    segment.direction *= first ? 1.0 + slack : 1.0 + 2.0 * slack;
+    segment = segment_extended(reach.segment, first);
     return true;
 }
 
 // The miss stage: the segment met nothing, so the geodesic moves on to its end and through the face there.
 void stage_transport(inout Path path, uint bounces) {
-    Geodesic g = walk_state(path);
-    path.travelled += geo_length(g, path.u_end);
-    g = geo_advance(g, path.u_end);
-    if (path.end == IO_END_CHORD) {
-        g = geo_restore(g);
-        path.point = g.point;
-        path.velocity = g.velocity;
+    Geodesic g = GEO_STRAIGHT ? geo_advance(walk_state(path), path.u_end) : walk_state(path);
+    path.travelled += geo_length(walk_state(path), path.u_end);
+    if (path.end == IO_END_ARC) {
+        walk_set(path, geo_restore(g));
     } else if (path.end == IO_END_LIMIT || path.bounces == bounces) {
-        path.point = g.point;
-        path.velocity = g.velocity;
+        walk_set(path, g);
         path.status = PATH_GONE;
     } else {
         walk_cross(path, g, path.end);

@@ -10,10 +10,12 @@
 #include "stage/mask.glsl"
 #include "stage/hit.glsl"
 
-// Entry of a segment into a box, in s, or NO_HIT if it does not enter before `s_end`. All in units of the grid.
-float box_entry(uvec3 lines, vec3 origin, vec3 reciprocal, float s_end) {
-    vec3 a = (vec3(lines & 0xffffu) - origin) * reciprocal;
-    vec3 b = (vec3(lines >> 16u) - origin) * reciprocal;
+// Entry of a segment into a box, in s, or NO_HIT if it does not enter before `s_end`. All in units of the grid. An arc
+// lies between its chord and the chord shifted by a quarter of the bend, so a box that is as much larger to the other side
+// is entered by the chord no later than the box is by the arc: the origin is another one for lower and for upper faces.
+float box_entry(uvec3 lines, vec3 for_lower, vec3 for_upper, vec3 reciprocal, float s_end) {
+    vec3 a = (vec3(lines & 0xffffu) - for_lower) * reciprocal;
+    vec3 b = (vec3(lines >> 16u) - for_upper) * reciprocal;
     vec3 low = min(a, b);
     vec3 high = max(a, b);
     float enter = max(max(low.x, low.y), max(low.z, 0.0));
@@ -57,6 +59,9 @@ uint traverse(Segment segment, uint cell, bool any_hit) {
     // The segment in units of the grid. A zero component would make 0 * inf = NaN at a box face; a tiny one behaves
     // as a parallel ray.
     vec3 origin = (segment.origin - io_cells[cell].grid_lower) * io_cells[cell].grid_scale;
+    vec3 bulge = GEO_STRAIGHT ? vec3(0.0) : 0.25 * segment.bend * io_cells[cell].grid_scale;
+    vec3 for_lower = origin + max(bulge, vec3(0.0));
+    vec3 for_upper = origin + min(bulge, vec3(0.0));
     vec3 direction = segment.direction * io_cells[cell].grid_scale;
     direction = mix(direction, vec3(1e-20), lessThan(abs(direction), vec3(1e-20)));
     vec3 reciprocal = 1.0 / direction;
@@ -67,8 +72,8 @@ uint traverse(Segment segment, uint cell, bool any_hit) {
     while (true) {
         Node node = io_nodes[current];
         count(IO_COUNT_NODES);
-        float s0 = box_entry(node.box0, origin, reciprocal, s_end);
-        float s1 = box_entry(node.box1, origin, reciprocal, s_end);
+        float s0 = box_entry(node.box0, for_lower, for_upper, reciprocal, s_end);
+        float s1 = box_entry(node.box1, for_lower, for_upper, reciprocal, s_end);
         if (s0 != NO_HIT && node_is_leaf(node.child0)) {
             leaf_hits(segment, node.child0, s_end, reference);
             s0 = NO_HIT;

@@ -22,6 +22,7 @@ void trace_segment(inout Path path, inout Hit hit, Segment segment) {
         stage_transport(path, io_view[0].bounces);
         return;
     }
+    payload_bend(segment);
     rt_primary.path = path;
 #ifdef RT_REORDER
     // Invocations that will run the same shader are brought together before they run it.
@@ -40,6 +41,7 @@ void trace_segment(inout Path path, inout Hit hit, Segment segment) {
 
 // Traces one segment of a shadow ray: a hit ends it, a miss transports it.
 void trace_shadow_segment(inout Path path, Segment segment) {
+    payload_bend(segment);
     rt_shadow = path;
     rt_shadow.status = PATH_HIT;
     traceRayEXT(rt_scene(walk_cell(path)), RT_SHADOW_FLAGS, 0xffu, 0u, 1u, MISS_SHADOW,

@@ -161,7 +161,7 @@ struct RenderArgs {
     /// How geodesics are integrated.
     #[arg(long, value_enum, default_value = "exact")]
     integrator: Integrator,
-    /// Largest deviation of a chord from its geodesic, as a share of a pixel, instead of the scene's.
+    /// Largest deviation of an arc from its geodesic, as a share of a pixel, instead of the scene's.
     #[arg(long, value_name = "E", value_parser = parse_positive)]
     tolerance: Option<f64>,
     /// Both eyes side by side, left eye left.

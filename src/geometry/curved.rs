@@ -1,4 +1,4 @@
-//! What the geometries share whose geodesics are curves in the chart: passages through planes, chords, the nearest
+//! What the geometries share whose geodesics are curves in the chart: passages through planes, arcs, the nearest
 //! point of a curve, Newton's method for geodesics between two points, and the entire functions of a one-parameter
 //! subgroup of 2×2 matrices.
 
@@ -66,16 +66,18 @@ pub(super) fn before_passage(value: f64, rate: f64) -> Option<f64> {
     }
 }
 
-/// Largest `h ≤ limit` with `acceleration(h) h²/8 ≤ tolerance`, up to a few per cent on the safe side.
-///
-/// A chord over the step `h` of a curve `c` deviates from it by `∫ K(s, τ) c″(τ) dτ` with a kernel of one sign whose
-/// integral is at most `h²/8`. `acceleration(h)`, growing with `h`, bounds the metric length of `c″(τ)`, measured at
-/// any point of the step. The two bounds are found in turn: what a too large `h` allows is too small, and conversely.
-pub(super) fn longest_chord(limit: f64, tolerance: f64, acceleration: impl Fn(f64) -> f64) -> f64 {
-    let allowed = |h: f64| (8.0 * tolerance / acceleration(h).max(f64::MIN_POSITIVE)).sqrt().min(limit);
+/// How often [`longest_arc`] searches from above and from below: the bounds differ by a few per cent then.
+const ARC_STEPS: u32 = 2;
+
+/// Largest `h ≤ limit` with `third(h) h³/96 ≤ tolerance`, up to a few per cent on the safe side, where `third(h)`,
+/// growing with `h`, bounds the metric length of the chart's third derivative over a step `h`, measured at any point of the
+/// step: how far an [`Segment`](super::Segment) may reach. What a too large `h` allows is too small, and conversely, so the two
+/// bounds are found in turn.
+pub(super) fn longest_arc(limit: f64, tolerance: f64, third: impl Fn(f64) -> f64) -> f64 {
+    let allowed = |h: f64| (96.0 * tolerance / third(h).max(f64::MIN_POSITIVE)).cbrt().min(limit);
     let mut upper = limit;
     let mut lower = 0.0;
-    for _ in 0..3 {
+    for _ in 0..ARC_STEPS {
         lower = allowed(upper);
         upper = allowed(lower);
     }

@@ -80,12 +80,12 @@ impl Geometry for E3 {
         plane.dot(p)
     }
 
-    fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
+    fn exit(&self, g: Geodesic, plane: DVec4, _reach: f64) -> f64 {
         let rate = plane.dot(g.velocity);
         if rate > ALONG_FACE { (-plane.dot(g.point) / rate).max(0.0) } else { f64::INFINITY }
     }
 
-    fn chord(&self, _g: Geodesic, u_max: f64, _tolerance: f64) -> f64 {
+    fn arc(&self, _g: Geodesic, u_max: f64, _tolerance: f64) -> f64 {
         u_max
     }
 
@@ -103,6 +103,10 @@ impl Geometry for E3 {
 
     fn unchart(&self, c: DVec3) -> Option<DVec4> {
         Some(c.extend(1.0))
+    }
+
+    fn chart_vector(&self, _p: DVec4, v: DVec4) -> DVec3 {
+        spatial(v)
     }
 
     fn unchart_vector(&self, _p: DVec4, dc: DVec3) -> DVec4 {

@@ -111,7 +111,7 @@ impl Geometry for H3 {
         plane.dot(p)
     }
 
-    fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
+    fn exit(&self, g: Geodesic, plane: DVec4, _reach: f64) -> f64 {
         let rate = plane.dot(g.velocity);
         if rate <= ALONG_FACE {
             return f64::INFINITY;
@@ -120,7 +120,7 @@ impl Geometry for H3 {
         if u < 1.0 { u } else { f64::INFINITY }
     }
 
-    fn chord(&self, _g: Geodesic, u_max: f64, _tolerance: f64) -> f64 {
+    fn arc(&self, _g: Geodesic, u_max: f64, _tolerance: f64) -> f64 {
         u_max
     }
 
@@ -144,6 +144,10 @@ impl Geometry for H3 {
     fn unchart(&self, c: DVec3) -> Option<DVec4> {
         let r = c.length();
         (r < 1.0).then(|| c.extend(1.0) / ((1.0 - r) * (1.0 + r)).sqrt())
+    }
+
+    fn chart_vector(&self, p: DVec4, v: DVec4) -> DVec3 {
+        (spatial(v) - self.chart(p) * v.w) / p.w
     }
 
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {

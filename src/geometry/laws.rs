@@ -7,7 +7,7 @@
 
 mod sample;
 
-use super::{Geodesic, Geometry, Isometry, Quadric, across, exponential};
+use super::{Geodesic, Geometry, Isometry, Quadric, Segment, across, exponential};
 use glam::{DMat3, DVec3, DVec4, Vec4Swizzles};
 
 pub use sample::{Sample, samples};
@@ -59,7 +59,8 @@ pub fn laws<G: Geometry>() -> Vec<Law<G>> {
         law("advance agrees with flow", EXACT, advance_agrees),
         law("parameter finds the point of advance", EXACT, parameter_inverts_advance),
         law("exit is the first point on the plane", EXACT, exit_is_first),
-        law("chord stays near the curve", EXACT, chord_stays_near),
+        law("segment stays near the curve", EXACT, arc_stays_near),
+        law("chart_vector is undone by unchart_vector", EXACT, chart_vector_is_undone),
         law("restore repairs and repeats", EXACT, restore_repairs),
         law("bisector is equidistant", 1e-11, bisector_is_equidistant),
         law("ball vanishes at its radius", EXACT, ball_vanishes),
@@ -364,7 +365,7 @@ fn cross_is_the_pairing<G: Geometry>(geometry: G, s: &Sample) -> f64 {
 fn exit_is_first<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     // A plane on whose inner side the geodesic starts.
     let plane = s.conormal.extend(-s.conormal.dot(geometry.chart(s.start.point)) - 0.4 * s.length);
-    let exit = geometry.exit(s.start, plane);
+    let exit = geometry.exit(s.start, plane, f64::INFINITY);
     let far = geometry.parameter_at(s.start, 0.6);
     let side = |u: f64| geometry.side(geometry.advance(s.start, u).point, plane);
     let inside_until = |end: f64| worst((0..32).map(|k| side(end * f64::from(k) / 32.0).max(0.0)));
@@ -380,13 +381,17 @@ fn exit_is_first<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     worst([lands, inside_until(exit), promise(outwards > 0.0 && exit >= 0.0)])
 }
 
-fn chord_stays_near<G: Geometry>(geometry: G, s: &Sample) -> f64 {
+fn chart_vector_is_undone<G: Geometry>(geometry: G, s: &Sample) -> f64 {
+    let back = geometry.unchart_vector(s.start.point, geometry.chart_vector(s.start.point, s.start.velocity));
+    gap4(back, s.start.velocity)
+}
+
+fn arc_stays_near<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let (tolerance, far) = (1e-3, geometry.parameter_at(s.start, s.length));
-    let end = geometry.chord(s.start, far, tolerance);
-    let chart = |u| geometry.chart(geometry.advance(s.start, u).point);
-    let (from, to) = (chart(0.0), chart(end));
+    let end = geometry.arc(s.start, far, tolerance);
+    let (arc, _) = Segment::along(geometry, s.start, end);
     let off = |k: i32| {
-        let c = from.lerp(to, f64::from(k) / 16.0);
+        let c = arc.at(f64::from(k) / 16.0);
         let nearest = geometry.advance(s.start, geometry.parameter(s.start, c)).point;
         geometry.unchart(c).map_or(f64::NAN, |p| (geometry.distance(p, nearest) - tolerance).max(0.0))
     };

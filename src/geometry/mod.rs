@@ -17,9 +17,10 @@
 //! better exists). It is 0 at the start, increases with arc length, and [`Geometry::length`] and
 //! [`Geometry::parameter_at`] convert.
 //!
-//! **Chords.** [`Geometry::chord`] says how far along the curve a straight segment in the chart may reach
-//! before it leaves the curve by more than a tolerance. Where geodesics are straight in the chart the answer
-//! is "all the way"; elsewhere the path is walked in several chords, and each is one segment for traversal.
+//! **Arcs.** Where geodesics are straight in the chart, the way to the next face is one straight segment for
+//! traversal. Elsewhere segments are arcs of parabolas that share with the curve both ends and the
+//! change of its velocity. [`Geometry::arc`] says how far along the curve one may reach before it leaves the curve by more
+//! than a tolerance: the deviation falls with the third power of the length, that of a straight chord with the second.
 
 mod curved;
 pub mod e3;
@@ -124,6 +125,63 @@ impl Quadric {
     }
 }
 
+/// What traversal gets of a path: `c(s) = origin + s direction + s (1 − s) bend` for s in [0, 1], in the chart. An arc of
+/// a parabola, straight where `bend` is zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Segment {
+    /// The point at s = 0.
+    pub origin: DVec3,
+    /// From there to the point at s = 1.
+    pub direction: DVec3,
+    /// Four times the way from the middle of the chord to the middle of the arc.
+    pub bend: DVec3,
+}
+
+impl Segment {
+    /// The segment along `g` up to curve parameter `u`: its ends are the curve's, and so is the difference of its
+    /// velocities there. (Where geodesics are curves in the chart, the curve parameter is that of the flow.)
+    ///
+    /// With |c‴| ≤ M along the curve it leaves it by at most M u³/96, the integral of the kernel of Peano for the
+    /// third derivative, |(s−τ)₊² − s(1−τ)² + s(1−s)(1−τ)|/2, which is largest at s = ½.
+    ///
+    /// Returns the state at its end, too.
+    pub fn along<G: Geometry>(geometry: G, g: Geodesic, u: f64) -> (Self, Geodesic) {
+        let end = geometry.advance(g, u);
+        let origin = geometry.chart(g.point);
+        let direction = geometry.chart(end.point) - origin;
+        let bend = if G::STRAIGHT {
+            DVec3::ZERO
+        } else {
+            let [before, after] = [g, end].map(|g| geometry.chart_vector(g.point, g.velocity));
+            (before - after) * (0.5 * u)
+        };
+        (Self { origin, direction, bend }, end)
+    }
+
+    /// The point at `s`.
+    pub fn at(&self, s: f64) -> DVec3 {
+        self.origin + self.direction * s + self.bend * (s * (1.0 - s))
+    }
+
+    /// The derivative with respect to `s`.
+    pub fn tangent(&self, s: f64) -> DVec3 {
+        self.direction + self.bend * (1.0 - 2.0 * s)
+    }
+
+    /// The largest value that the form of a plane `(n, d)` may have on it: no less than at any of its points.
+    pub fn highest(&self, plane: DVec4) -> f64 {
+        let n = plane.truncate();
+        let start = n.dot(self.origin) + plane.w;
+        start.max(start + n.dot(self.direction)) + 0.25 * n.dot(self.bend).max(0.0)
+    }
+
+    /// The same parabola from `s = −before` to `s = 1 + after`, both small.
+    pub fn extended(&self, before: f64, after: f64) -> Self {
+        let (origin, end, whole) = (self.at(-before), self.at(1.0 + after), 1.0 + before + after);
+        Self { origin, direction: end - origin, bend: self.bend * (whole * whole) }
+    }
+}
+
 /// Why a computation has no answer that numbers can hold.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GeometryError {
@@ -160,7 +218,7 @@ pub enum GeometryError {
 /// All functions are pure. None panics on finite input; out-of-range results are infinities or `None`, which
 /// callers turn into errors. The GLSL twin of `name` is `geo_name`, except for the functions marked *host only*.
 pub trait Geometry: Copy + Send + Sync + 'static {
-    /// Whether all geodesics are straight in the chart, so that a chord is the curve itself and no hit needs to be
+    /// Whether all geodesics are straight in the chart, so that a segment is the curve itself and no hit needs to be
     /// refined (twin: `GEO_STRAIGHT`). A geometry that does not say is taken for a curved one.
     const STRAIGHT: bool = false;
 
@@ -233,7 +291,7 @@ pub trait Geometry: Copy + Send + Sync + 'static {
 
     // --- rays: the curve parameter ------------------------------------------------------------------
 
-    /// Arc length from the start of `g` to curve parameter `u`.
+    /// Segment length from the start of `g` to curve parameter `u`.
     fn length(&self, g: Geodesic, u: f64) -> f64;
 
     /// Curve parameter at arc length `t ≥ 0`; infinite where the parameter does not reach so far.
@@ -247,14 +305,15 @@ pub trait Geometry: Copy + Send + Sync + 'static {
 
     /// First curve parameter `u ≥ 0` at which `g` passes from the inner side of `plane` to the outer one;
     /// infinite if it never does. A start on the plane (within [`ON_FACE`]) counts as inside, and a direction
-    /// within [`ALONG_FACE`] of the plane does not leave through it.
-    fn exit(&self, g: Geodesic, plane: DVec4) -> f64;
+    /// within [`ALONG_FACE`] of the plane does not leave through it. Passages beyond `reach` are not looked for: for
+    /// them the result is any number greater than `reach`.
+    fn exit(&self, g: Geodesic, plane: DVec4, reach: f64) -> f64;
 
-    /// Largest curve parameter `≤ u_max` up to which the chord in the chart stays within `tolerance` (a length
+    /// Largest curve parameter `≤ u_max` up to which the [`Segment`] stays within `tolerance` (a length
     /// in the metric) of the curve.
-    fn chord(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64;
+    fn arc(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64;
 
-    /// Curve parameter of the curve's point nearest to chart point `c`, which lies on a chord of `g`.
+    /// Curve parameter of the curve's point nearest to chart point `c`, which lies on a segment of `g`.
     fn parameter(&self, g: Geodesic, c: DVec3) -> f64;
 
     /// Puts a state back on the model after rounding: point onto the constraint, velocity tangent and unit.
@@ -268,6 +327,9 @@ pub trait Geometry: Copy + Send + Sync + 'static {
     /// The point with these chart coordinates, or `None` outside the chart's image. *Host only as an option;*
     /// the twin assumes a chart point of a cell.
     fn unchart(&self, c: DVec3) -> Option<DVec4>;
+
+    /// Image of the tangent vector `v` at `p` under the chart's differential.
+    fn chart_vector(&self, p: DVec4, v: DVec4) -> DVec3;
 
     /// The tangent vector at `p` whose image under the chart's differential is `dc`. *Host only.*
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4;
@@ -415,6 +477,18 @@ impl GeometryId {
             }
         }
         visit(self, Quadrics)
+    }
+
+    /// Whether all geodesics are straight in the chart.
+    pub fn is_straight(self) -> bool {
+        struct Straight;
+        impl Visitor for Straight {
+            type Output = bool;
+            fn visit<G: Geometry>(self, _geometry: G) -> bool {
+                G::STRAIGHT
+            }
+        }
+        visit(self, Straight)
     }
 
     /// How many numbers a point or a vector has for the user.

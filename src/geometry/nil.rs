@@ -14,6 +14,7 @@
 //! determinant to the fibre. They are affine in (x, y, z) but for the terms that turn z_sym back to z; those follow
 //! from the plane's part of the matrix, so that [`Isometry::linear`] holds every isometry.
 
+use super::curved::longest_arc;
 use super::passage::{Motion, first_passage};
 use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric};
 use glam::{DMat2, DMat4, DVec2, DVec3, DVec4, Vec4Swizzles};
@@ -126,26 +127,20 @@ impl Geometry for Nil {
         plane.dot(p)
     }
 
-    fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
-        if plane.z == 0.0 { exit_upright(g, plane) } else { exit_slanted(*self, g, plane) }
+    fn exit(&self, g: Geodesic, plane: DVec4, reach: f64) -> f64 {
+        if plane.z == 0.0 { exit_upright(g, plane) } else { exit_slanted(*self, g, plane, reach) }
     }
 
-    /// Left multiplications are affine, so the start may be the origin. The deviation of the curve from the chord
-    /// after a length T is at most T²/8 times the largest second derivative, component by component. In the plane
-    /// that is c|w|. Along the fibre, where the metric measures dz − x dy, it is |uv + (x(τ) − x) w u| with
-    /// |x(τ) − x| ≤ cT and uv changing at most at the rate c²|w|: at most |u₀v₀| + 2c²|w|T. A straight way across a
-    /// deviation D is longer than D by D²/4 at most, for which the tolerance is lowered.
-    fn chord(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
+    /// Left multiplications are affine, so the start may be the origin. The third derivative of the curve is −w² (u, v) in
+    /// the plane, of length w²c. Along the fibre, where the metric measures dz − x dy, it is
+    /// w(2u² − v²) − w²(x(τ) − x) v, measured at x: over a step of length T its first term changes at a rate of at most
+    /// 3w²c², and |x(τ) − x| ≤ cT. A straight way across a deviation D is longer than D by D²/4 at most, for which the
+    /// tolerance is lowered.
+    fn arc(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
         let (u, v, w) = (g.velocity.x, g.velocity.y, g.velocity.z.abs());
         let square = u * u + v * v;
-        let (turn, lean, growth) = (square.sqrt() * w, (u * v).abs(), 2.0 * square * w);
-        let sagitta = 8.0 * tolerance / (1.0 + 0.25 * tolerance);
-        // As the bound grows with the step, the smaller of a step and what is allowed for it is always safe, and it
-        // is the largest safe step if well guessed.
-        let allowed = |t: f64| (sagitta / turn.hypot(lean + growth * t)).sqrt();
-        let short = u_max.min(allowed(u_max));
-        let guess = (short * u_max.min(allowed(short))).sqrt();
-        short.max(guess.min(allowed(guess))).min(u_max)
+        let (turn, lean, growth) = (w * w * square.sqrt(), w * (2.0 * u * u - v * v).abs(), 4.0 * w * w * square);
+        longest_arc(u_max, tolerance / (1.0 + 0.25 * tolerance), |t| turn.hypot(lean + growth * t))
     }
 
     fn parameter(&self, g: Geodesic, c: DVec3) -> f64 {
@@ -174,6 +169,10 @@ impl Geometry for Nil {
 
     fn unchart(&self, c: DVec3) -> Option<DVec4> {
         Some(c.extend(1.0))
+    }
+
+    fn chart_vector(&self, p: DVec4, v: DVec4) -> DVec3 {
+        DVec3::new(v.x, v.y, v.z + p.x * v.y)
     }
 
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {
@@ -341,7 +340,7 @@ fn exit_upright(g: Geodesic, plane: DVec4) -> f64 {
 /// Exit through a plane that cuts the fibres. Its form along the curve is a constant, plus a drift
 /// C (w + c²/(2w)) t, plus terms in the sines of θ and 2θ (θ the direction of the velocity) with amplitudes
 /// (c/w) |(A, B + C x₀)| and C c²/(4w²), x₀ the centre of the circle that the plane shows.
-fn exit_slanted(geometry: Nil, g: Geodesic, plane: DVec4) -> f64 {
+fn exit_slanted(geometry: Nil, g: Geodesic, plane: DVec4, reach: f64) -> f64 {
     let w = g.velocity.z;
     let square = g.velocity.xy().length_squared();
     let c = square.sqrt();
@@ -351,7 +350,7 @@ fn exit_slanted(geometry: Nil, g: Geodesic, plane: DVec4) -> f64 {
     first_passage(|t| {
         let Geodesic { point, velocity } = geometry.advance(g, t);
         let value = plane.dot(point);
-        if recedes && value < -2.0 * amplitude {
+        if t > reach || (recedes && value < -2.0 * amplitude) {
             return None;
         }
         let slope = plane.y + plane.z * point.x;

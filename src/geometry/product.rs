@@ -14,6 +14,7 @@
 //! Face planes are vertical (no z) or horizontal (only z) in every product domain; those have closed forms. Others,
 //! which no isometry but a turn about the base point takes to planes, are found by `first_passage`.
 
+use super::curved::longest_arc;
 use super::passage::{Motion, first_passage};
 use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric};
 use glam::{DMat4, DVec3, DVec4};
@@ -214,7 +215,7 @@ impl<P: Product> Geometry for P {
         }
     }
 
-    fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
+    fn exit(&self, g: Geodesic, plane: DVec4, reach: f64) -> f64 {
         match kind(plane) {
             (true, _) => {
                 // a cosκ(ct) + b t sincκ(ct) = 0 from below.
@@ -242,33 +243,30 @@ impl<P: Product> Geometry for P {
             }
             _ => first_passage(|t| {
                 let ahead = self.flow(g, t);
-                (ahead.point.w > ON_FACE && ahead.point.w.is_finite()).then(|| chart_motion::<P>(ahead, plane))
+                (t <= reach && ahead.point.w > ON_FACE && ahead.point.w.is_finite())
+                    .then(|| chart_motion::<P>(ahead, plane))
             }),
         }
     }
 
-    /// In the flat strip with coordinates (s, z), s the length along the surface, the curve is the straight line
-    /// with direction (c, b). The chord is the curve s(λ), z = λbT, whose distance from the line is |b| |s − λcT|.
-    /// Points of the surface move on the chord with ds/dλ = C w², C = sinκ(S)/(w₀w₁), S = cT, so that
-    /// |s''| = 2 C² w³ |dw/ds| ≤ 2 S² m e^{2mS} (times sinh² S/S² ≤ 1.07 below S = 0.45), where m bounds |d ln w/ds|.
-    /// From its value m₀ at the start (a tangent of κ) m grows to (m₀ + τ)/(1 − κ m₀ τ) at most, τ = tanκ S ≤ 1.1 S.
-    /// The distance is at most |b| max|s''|/8. It is also at most |b| S, however long the chord.
-    fn chord(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
+    /// In the chart the geodesic goes along a straight line of the surface's part, so that the arc stays above it: in the
+    /// flat strip with coordinates (s, z), s the length along the surface, the curve is the straight line with direction
+    /// (c, b), and an arc that errs by δ along the surface is off by |b| δ. With the length σ from the line's nearest
+    /// point to the base, and m = |d ln w/dσ| = |tanκ σ|, the chart's coordinate along the line is proportional to tanκ σ,
+    /// whose third derivative is as long as c³ |6m² + 2κ| in the metric there. From its value m₀ at the start m grows to
+    /// (m₀ + τ)/(1 − κ m₀ τ) at most, τ = tanκ S ≤ 1.1 S over a step of length S of the surface (and to 1 in the
+    /// hyperbolic plane); lengths of chart vectors change by a factor of e^(2mS) at most.
+    fn arc(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
         let c = speed::<P>(g);
         let (lean, start) = (c * g.velocity.z.abs(), (g.velocity.w / g.point.w).abs());
-        // Up to here e^x ≤ 1 + x + x² holds for the growth below.
-        let longest = (0.45 / (c + 1.1 * start)).min(u_max);
-        // Within a step of length t the bound is kept up to the length allowed(t); it decreases with t, so that the
-        // smaller of both keeps it for any t, and is the largest such length if t is well guessed.
-        let allowed = |t: f64| {
+        let limit = (0.45 / (c + 1.1 * start)).min(u_max);
+        longest_arc(limit, tolerance, |t| {
+            // m c at most.
             let growth = (start + 1.1 * c * c * t) / (1.0 - P::CURVATURE.max(0.0) * 1.1 * start * t);
-            let x = 2.0 * growth * t;
-            (4.0 * tolerance / (1.07 * lean * growth * (1.0 + x + x * x))).sqrt()
-        };
-        let short = longest.min(allowed(longest));
-        let guess = (short * longest.min(allowed(short))).sqrt();
-        let curved = short.max(guess.min(allowed(guess)));
-        curved.max(tolerance / lean).min(u_max)
+            let growth = if P::CURVATURE < 0.0 { growth.min(c) } else { growth };
+            let third = (6.0 * growth * growth + 2.0 * P::CURVATURE * c * c).max(2.0 * c * c);
+            lean * third * (2.0 * growth * t).exp()
+        })
     }
 
     fn parameter(&self, g: Geodesic, c: DVec3) -> f64 {
@@ -295,6 +293,10 @@ impl<P: Product> Geometry for P {
 
     fn unchart(&self, c: DVec3) -> Option<DVec4> {
         P::SPACE.unchart(c.with_z(0.0)).map(|p| p + DVec4::Z * c.z)
+    }
+
+    fn chart_vector(&self, p: DVec4, v: DVec4) -> DVec3 {
+        DVec3::new((v.x - p.x / p.w * v.w) / p.w, (v.y - p.y / p.w * v.w) / p.w, v.z)
     }
 
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {

@@ -91,7 +91,7 @@ impl Geometry for S3 {
         plane.dot(p)
     }
 
-    fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
+    fn exit(&self, g: Geodesic, plane: DVec4, _reach: f64) -> f64 {
         // a cos t + b sin t = 0 from below: tan(t/2) = -a / (√(a²+b²) + b).
         let (a, b) = (plane.dot(g.point), plane.dot(g.velocity));
         let radius = a.hypot(b);
@@ -104,7 +104,7 @@ impl Geometry for S3 {
         }
     }
 
-    fn chord(&self, _g: Geodesic, u_max: f64, _tolerance: f64) -> f64 {
+    fn arc(&self, _g: Geodesic, u_max: f64, _tolerance: f64) -> f64 {
         u_max
     }
 
@@ -126,6 +126,10 @@ impl Geometry for S3 {
 
     fn unchart(&self, c: DVec3) -> Option<DVec4> {
         Some(c.extend(1.0).normalize())
+    }
+
+    fn chart_vector(&self, p: DVec4, v: DVec4) -> DVec3 {
+        (spatial(v) - self.chart(p) * v.w) / p.w
     }
 
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {

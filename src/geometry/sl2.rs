@@ -17,7 +17,7 @@
 use super::{
     Geodesic, Geometry, Isometry, ON_FACE, Quadric,
     curved::{
-        before_passage, cosh_sinhc, first_passage, first_zero, integrals, longest_chord, nearest_parameter, shoot,
+        before_passage, cosh_sinhc, first_passage, first_zero, integrals, longest_arc, nearest_parameter, shoot,
         wave_area,
     },
     spatial,
@@ -29,8 +29,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 #[derive(Clone, Copy, Debug)]
 pub struct Sl2;
 
-/// Longest chord, and how far ahead [`Geometry::exit`] looks for planes that are not vertical: a walk takes at most
-/// one chord at a time, so it meets every passage.
+/// Longest arc, and how far ahead [`Geometry::exit`] looks for planes that are not vertical: a walk takes at most
+/// one arc at a time, so it meets every passage.
 const HORIZON: f64 = 16.0;
 
 /// The point with base point `(x, y)` in the hyperboloid and fibre angle `angle`.
@@ -158,6 +158,38 @@ fn chart_differential(p: DVec4) -> DMat3 {
     DMat3::from_cols(horizontal(turn), horizontal(turn.perp()), DVec3::Z)
 }
 
+/// The third derivative in the chart of the geodesic from `p` whose horizontal velocity, turned by the fibre angle, is
+/// `v` and whose vertical one is `c`.
+///
+/// The base point h = (X, w) satisfies h‴ = κ² h′ with κ² = |v|² − c², because g gᵀ runs through span{1, cosh κt, sinh κt}.
+/// The chart's ξ = X/w and θ, θ′ = c + (X′ × X)/(1 + w), follow by the rules for quotients and products.
+fn third_derivative(p: DVec4, v: DVec2, c: f64) -> DVec3 {
+    let (x, w) = (p.xy(), p.w);
+    let first = boost(p, v.extend(0.0));
+    let second = boost(p, (v.perp() * -c).extend(v.length_squared()));
+    let third = first * (v.length_squared() - c * c);
+    let xi = x / w;
+    let xi_1 = (first.xy() - xi * first.z) / w;
+    let xi_2 = (second.xy() - xi * second.z - xi_1 * (2.0 * first.z)) / w;
+    let xi_3 = (third.xy() - xi * third.z - xi_2 * (3.0 * first.z) - xi_1 * (3.0 * second.z)) / w;
+    let area = first.xy().perp_dot(x);
+    let area_1 = second.xy().perp_dot(x);
+    let area_2 = third.xy().perp_dot(x) + second.xy().perp_dot(first.xy());
+    let share = (1.0 + w).recip();
+    let share_1 = -first.z * share * share;
+    let share_2 = share * share * (2.0 * first.z * first.z * share - second.z);
+    xi_3.extend(area_2 * share + 2.0 * area_1 * share_1 + area * share_2)
+}
+
+/// Metric length of a vector of the chart at `p`.
+fn frame_length(p: DVec4, dc: DVec3) -> f64 {
+    let xi = p.xy() / p.w;
+    let rise = p.w.powi(3) * xi.dot(dc.xy());
+    let step = dc.xy() * p.w + xi * rise;
+    let horizontal = step - p.xy() * (rise - p.xy().dot(step) / (1.0 + p.w));
+    horizontal.length().hypot(dc.z - horizontal.perp_dot(p.xy()) / (1.0 + p.w))
+}
+
 impl Geometry for Sl2 {
     fn components(&self) -> usize {
         4
@@ -247,7 +279,7 @@ impl Geometry for Sl2 {
     }
 
     fn parameter_at(&self, _g: Geodesic, t: f64) -> f64 {
-        // Finite, so that a walk without end goes on by chords.
+        // Finite, so that a walk without end goes on by arcs.
         t.min(f64::MAX)
     }
 
@@ -259,8 +291,9 @@ impl Geometry for Sl2 {
         plane.x * p.x + plane.y * p.y + (plane.z * p.z + plane.w) * p.w
     }
 
-    /// In closed form for vertical planes; for the others `HORIZON` is looked ahead, as far as a chord can reach.
-    fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
+    /// In closed form for vertical planes; for the others `HORIZON` is looked ahead at most, as far as an arc can
+    /// reach.
+    fn exit(&self, g: Geodesic, plane: DVec4, reach: f64) -> f64 {
         let (p, c) = (g.point, g.velocity.z);
         let v = turn(p.z).rotate(g.velocity.xy());
         if plane.z == 0.0 {
@@ -273,39 +306,32 @@ impl Geometry for Sl2 {
             return first_passage(square, if start.abs() <= ON_FACE { 0.0 } else { start }, n.dot(v), bend);
         }
         let form = |g: Geodesic| {
-            let rate = chart_differential(g.point) * spatial(g.velocity);
+            let rate = self.chart_vector(g.point, g.velocity);
             [plane.xyz().dot(self.chart(g.point)) + plane.w, plane.xyz().dot(rate)]
         };
         let [value, rate] = form(g);
         let Some(threshold) = before_passage(value, rate) else { return 0.0 };
-        // The chart's acceleration is at most 2 in the disk (as for `chord`: r√(c² + 4r²)) and 1/√2 along the fibre.
+        // The chart's acceleration is at most 2 in the disk (its part along the disk is r√(c² + 4r²) at most) and 1/√2 along the fibre.
         let bend = 2.0 * plane.xy().length() + 0.75 * plane.z.abs();
         let ahead = |s: f64| {
             let [value, rate] = form(self.flow(g, s));
             [value - threshold, rate]
         };
-        first_zero(ahead, bend, HORIZON).unwrap_or(f64::INFINITY)
+        first_zero(ahead, bend, reach.min(HORIZON)).unwrap_or(f64::INFINITY)
     }
 
-    /// The base curve has geodesic curvature c/r and speed r. With the distance d of the base point from the origin,
-    /// the velocity's part `v_d` away from it and `v_φ` across, the chart curve's acceleration has the metric length
-    /// `√(r²c² + 4 v_d² r² tanh² d + (v_d v_φ T (2 tanh d − T))²)`, `T = tanh(d/2)`: the tangential part of Klein's
-    /// disk and the connection of the fibre. Along the geodesic it changes at a rate of at most `2.3 r²`, and the
-    /// logarithm of the metric's length of a chart vector at a rate of at most `r (0.31 + 2 tanh d)` and of `2r` (maxima
-    /// over all directions and distances, found numerically); tanh d grows by at most h over a step. So over a step h
-    /// the acceleration is at most `(a + 2.3 r² h) exp(r h min(0.31 + 2 (tanh d + h), 2))`, wherever it is measured.
-    fn chord(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
-        let (p, c) = (g.point, g.velocity.z);
-        let v = turn(p.z).rotate(g.velocity.xy());
-        let (far, half) = (p.xy() / p.w, p.xy() / (1.0 + p.w));
-        // v_d tanh d and v_d v_φ T (2 tanh d − T), the latter as (v·T)(v×(2 tanh d − T)).
-        let fall = v.dot(far);
-        let fibre = v.dot(half) * v.perp_dot(2.0 * far - half);
-        let speed = v.length();
-        let acceleration = DVec3::new(speed * c, 2.0 * fall * speed, fibre).length();
-        longest_chord(u_max.min(HORIZON), tolerance, |h| {
-            let distortion = speed * (0.31 + 2.0 * (far.length() + h)).min(2.0);
-            (acceleration + 2.3 * speed * speed * h) * (distortion * h).exp()
+    /// The chart's third derivative at the start has a closed form ([`third_derivative`]). Along the geodesic its metric
+    /// length changes at a rate of at most `6.12 r²`, r the speed of the base point, and the logarithm of the metric's length
+    /// of a chart vector at a rate of at most `r (0.31 + 2 tanh d)` and of `2r`, d the base point's distance from the
+    /// origin (maxima over all directions and distances, found numerically); tanh d grows by at most h over a step. So over
+    /// a step h it is at most `(j + 6.12 r² h) exp(r h min(0.31 + 2 (tanh d + h), 2))`, wherever it is measured.
+    fn arc(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
+        let (p, v) = (g.point, turn(g.point.z).rotate(g.velocity.xy()));
+        let (speed, far) = (v.length(), p.xy().length() / p.w);
+        let third = frame_length(p, third_derivative(p, v, g.velocity.z));
+        longest_arc(u_max.min(HORIZON), tolerance, |h| {
+            let distortion = speed * (0.31 + 2.0 * (far + h)).min(2.0);
+            (third + 6.12 * speed * speed * h) * (distortion * h).exp()
         })
     }
 
@@ -325,6 +351,10 @@ impl Geometry for Sl2 {
         let r = c.xy().length();
         let w = ((1.0 - r) * (1.0 + r)).sqrt().recip();
         (r < 1.0).then(|| DVec4::new(c.x * w, c.y * w, c.z, w))
+    }
+
+    fn chart_vector(&self, p: DVec4, v: DVec4) -> DVec3 {
+        chart_differential(p) * spatial(v)
     }
 
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {

@@ -16,7 +16,7 @@
 
 use super::{
     Geodesic, Geometry, Isometry, Quadric,
-    curved::{artanh_over, cosh_sinhc, first_passage, integrals, longest_chord, nearest_parameter, wave_area},
+    curved::{artanh_over, cosh_sinhc, first_passage, integrals, longest_arc, nearest_parameter, wave_area},
 };
 use glam::{DMat2, DMat3, DMat4, DVec2, DVec3, DVec4, Vec4Swizzles};
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
@@ -216,7 +216,7 @@ impl Geometry for Sl2Trace {
         plane.xyz().dot(p.xyz()) + plane.w
     }
 
-    fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
+    fn exit(&self, g: Geodesic, plane: DVec4, _reach: f64) -> f64 {
         // Entries are α + β C + γ S; with τ = tanh(√q t/2)/√q that is (α+β + 2γτ + q(β−α)τ²)/(1 − qτ²).
         let (n, q) = (plane.xyz(), square(g.velocity));
         let even = n.dot(g.point.xyz()) + n.x;
@@ -227,17 +227,17 @@ impl Geometry for Sl2Trace {
         if exit < edge(g) { exit } else { f64::INFINITY }
     }
 
-    /// Measured by [`Geometry::norm`]. The chart's acceleration is `q (1+x, y, z)`, in the frame `q(1, 2β, 0)` with
-    /// `β = y/(1+x)`, of norm `|q|√(2 + 4β²)`. Along a geodesic of norm n arctan β grows at a rate of at most n, and
-    /// the norm of a chart vector by at most a factor `exp(n(1 + √(1+β²)))` for each unit of length, so over a step
-    /// h both are bounded by their values at `tan(arctan |β| + n h)`. Steps end halfway to that bound's pole.
-    fn chord(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
+    /// Measured by [`Geometry::norm`]. The chart's third derivative is `q` times its velocity, of norm |q| n. Along a
+    /// geodesic of norm n arctan β, `β = y/(1+x)`, grows at a rate of at most n, and the norm of a chart vector by at most a
+    /// factor `exp(n(1 + √(1+β²)))` for each unit of length, so over a step h it is bounded by its value at
+    /// `tan(arctan |β| + n h)`. Steps end halfway to that bound's pole.
+    fn arc(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
         let (norm, q) = (framed(g.velocity).length(), square(g.velocity).abs());
         let slope = (g.point.y / (1.0 + g.point.x)).abs().atan();
         let limit = u_max.min(0.5 * (std::f64::consts::FRAC_PI_2 - slope) / norm);
-        longest_chord(limit, tolerance, |h| {
+        longest_arc(limit, tolerance, |h| {
             let beta = (slope + norm * h).tan();
-            q * (2.0 + 4.0 * beta * beta).sqrt() * (norm * h * (1.0 + beta.hypot(1.0))).exp()
+            q * norm * (norm * h * (1.0 + beta.hypot(1.0))).exp()
         })
     }
 
@@ -256,6 +256,10 @@ impl Geometry for Sl2Trace {
 
     fn unchart(&self, c: DVec3) -> Option<DVec4> {
         Some(point(c)).filter(|p| p.is_finite())
+    }
+
+    fn chart_vector(&self, p: DVec4, v: DVec4) -> DVec3 {
+        entries(matrix(p) * algebra(v)).xyz()
     }
 
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {

@@ -21,7 +21,7 @@ mod series;
 
 use super::{
     Geodesic, Geometry, Isometry, Quadric,
-    curved::{before_passage, first_zero, longest_chord, nearest_parameter, shoot, wave_area},
+    curved::{before_passage, first_zero, longest_arc, nearest_parameter, shoot, wave_area},
     spatial,
 };
 use glam::{DMat3, DMat4, DVec3, DVec4, Vec4Swizzles};
@@ -33,8 +33,8 @@ pub use series::{ORDER, endpoint_with};
 #[derive(Clone, Copy, Debug)]
 pub struct Sol;
 
-/// Longest chord, and how far ahead [`Geometry::exit`] looks: a walk takes at most one chord at a time, so it meets
-/// every passage.
+/// Longest arc, and how far ahead [`Geometry::exit`] looks: a walk takes at most one arc at a time, so it meets every
+/// passage.
 const HORIZON: f64 = 1.0;
 
 /// Left multiplication by the group element `by`.
@@ -142,7 +142,7 @@ impl Geometry for Sol {
     }
 
     fn parameter_at(&self, _g: Geodesic, t: f64) -> f64 {
-        // Finite, so that a walk without end goes on by chords.
+        // Finite, so that a walk without end goes on by arcs.
         t.min(f64::MAX)
     }
 
@@ -154,14 +154,14 @@ impl Geometry for Sol {
         plane.dot(p)
     }
 
-    /// Looks `HORIZON` ahead, as far as a chord can reach.
-    fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
+    /// Looks `HORIZON` ahead at most, as far as an arc can reach.
+    fn exit(&self, g: Geodesic, plane: DVec4, reach: f64) -> f64 {
         let [a, b] = stretch(g.point.z, plane.x, plane.y);
         let rate = DVec3::new(a, b, plane.z).dot(spatial(g.velocity));
         let Some(threshold) = before_passage(self.side(g.point, plane), rate) else { return 0.0 };
         let mut track = Track::new(spatial(g.velocity));
         let mut travelled = 0.0;
-        while travelled < HORIZON {
+        while travelled < reach.min(HORIZON) {
             let here = product(spatial(g.point), track.point());
             let [a, b] = stretch(here.z, plane.x, plane.y);
             let start = plane.dot(here.extend(1.0)) - threshold;
@@ -182,14 +182,15 @@ impl Geometry for Sol {
         f64::INFINITY
     }
 
-    /// In coordinates about any of its points the curve's acceleration is `(2uw, −2vw, v² − u²)`, and its length `a`
-    /// changes at a rate of at most 0.61 (maximum over unit velocities, found numerically). The metric's length of a
-    /// chart vector changes by at most a factor eʰ along a step h. So over a step the acceleration is at most
-    /// `(a + 0.61 h) eʰ`, wherever in the step it is measured.
-    fn chord(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
+    /// In coordinates about any of its points the curve's third derivative is
+    /// `(2u(2w² + v² − u²), 2v(2w² + u² − v²), −2w(u² + v²))`, and its length `j` changes at a rate of at most 2.93 (maximum
+    /// over unit velocities, found numerically). The metric's length of a chart vector changes by at most a factor eʰ
+    /// along a step h. So over a step the third derivative is at most `(j + 2.93 h) eʰ`, wherever in the step it is measured.
+    fn arc(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
         let DVec3 { x: u, y: v, z: w } = spatial(g.velocity);
-        let acceleration = DVec3::new(2.0 * u * w, 2.0 * v * w, v * v - u * u).length();
-        longest_chord(u_max.min(HORIZON), tolerance, |h| (acceleration + 0.61 * h) * h.exp())
+        let (uu, vv, ww) = (u * u, v * v, w * w);
+        let third = 2.0 * DVec3::new(u * (2.0 * ww + vv - uu), v * (2.0 * ww + uu - vv), w * (uu + vv)).length();
+        longest_arc(u_max.min(HORIZON), tolerance, |h| (third + 2.93 * h) * h.exp())
     }
 
     fn parameter(&self, g: Geodesic, c: DVec3) -> f64 {
@@ -206,6 +207,11 @@ impl Geometry for Sol {
 
     fn unchart(&self, c: DVec3) -> Option<DVec4> {
         Some(c.extend(1.0))
+    }
+
+    fn chart_vector(&self, p: DVec4, v: DVec4) -> DVec3 {
+        let [x, y] = stretch(p.z, v.x, v.y);
+        DVec3::new(x, y, v.z)
     }
 
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {

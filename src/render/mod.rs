@@ -150,15 +150,16 @@ impl Shot {
             ambient: settings.ambient,
             max_distance: settings.max_distance.unwrap_or(f64::INFINITY) as f32,
             headlight: settings.headlight,
-            chord_tolerance: self.chord_tolerance(settings.tolerance) as f32,
+            tolerance: self.tolerance(settings.tolerance) as f32,
+            sagitta: world.sagitta as f32,
             size: self.size,
             bounces: settings.bounces,
             cell: self.eye.cell as u32,
         }
     }
 
-    /// The tolerance of chords as an angle seen from the eye: a share of a pixel.
-    pub fn chord_tolerance(&self, share_of_pixel: f64) -> f64 {
+    /// The tolerance of arcs as an angle seen from the eye: a share of a pixel.
+    pub fn tolerance(&self, share_of_pixel: f64) -> f64 {
         share_of_pixel * (self.tangents[3] - self.tangents[2]) / f64::from(self.size[1])
     }
 }

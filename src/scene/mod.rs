@@ -310,7 +310,7 @@ pub struct Settings {
     pub headlight: [f32; 3],
     /// What the picture shows.
     pub shading: Shading,
-    /// Largest deviation of a chord from its geodesic, as a share of a pixel's footprint.
+    /// Largest deviation of an arc from its geodesic, as a share of a pixel's footprint.
     pub tolerance: f64,
 }
 
@@ -327,7 +327,7 @@ impl Default for Settings {
             ambient: [0.03; 3],
             headlight: [0.0; 3],
             shading: Shading::Riemannian,
-            tolerance: 0.5,
+            tolerance: 0.01,
         }
     }
 }

@@ -4,7 +4,7 @@ use super::{
     Space,
     domain::Domain,
     observer::Frame,
-    walk::{Path, Status, stage_segment, stage_transport},
+    walk::{Follow, Path, Status, stage_segment, stage_transport},
 };
 use crate::{
     geometry::{Geodesic, Geometry, ON_FACE, Visitor, visit},
@@ -107,14 +107,14 @@ pub fn carry<G: Geometry>(
     let mut faces = Vec::new();
     while path.status == Status::Flying {
         let (before, known) = (path.state.point, faces.len());
-        let segment = stage_segment(geometry, domain, &mut path, MAX_FACES, f64::INFINITY, |face| faces.push(face));
+        let segment = stage_segment(geometry, domain, &mut path, MAX_FACES, Follow::EXACTLY, |face| faces.push(face));
         pass(geometry, domain, &faces[known..], before, vectors);
         if segment.is_none() {
             break;
         }
         let (from, passed) = (path.state, geometry.length(path.state, path.u_end));
         vectors.iter_mut().for_each(|v| *v = geometry.transport(from, passed, *v));
-        let (end, known) = (geometry.advance(from, path.u_end).point, faces.len());
+        let (end, known) = (path.ahead.point, faces.len());
         stage_transport(geometry, domain, &mut path, MAX_FACES, |face| faces.push(face));
         pass(geometry, domain, &faces[known..], end, vectors);
     }

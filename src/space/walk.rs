@@ -1,24 +1,23 @@
 //! Walking a geodesic through the cells, in f64. Twin: `shaders/stage/walk.glsl`.
 //!
 //! A path alternates between two steps. [`stage_segment`] finds how far the geodesic goes before it leaves the
-//! cell (or the chord's tolerance, or its largest length) and gives the straight piece of the chart to traversal;
+//! cell (or the arc's tolerance, or its largest length) and gives the segment of the chart to traversal;
 //! if that meets nothing, [`stage_transport`] moves the state to the segment's end and, at a face, applies the
 //! pairing to point and velocity.
 
 use super::domain::Domain;
 use crate::{
-    geometry::{Geodesic, Geometry, ON_FACE},
-    shader_io::{NONE, REDUCE_LIMIT, STRIDE},
+    geometry::{Geodesic, Geometry, ON_FACE, Segment},
+    shader_io::{FACE_MARGIN, NONE, REDUCE_LIMIT, SAGITTA_STEPS, STRIDE},
 };
-use glam::DVec3;
 
 /// Where a segment ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
     /// At the face with this index in the domain's list.
     Face(usize),
-    /// Inside the cell, where the next chord begins.
-    Chord,
+    /// Inside the cell, where the next arc begins.
+    Arc,
     /// Where the path ends.
     Limit,
 }
@@ -47,6 +46,8 @@ pub struct Path {
     pub limit: f64,
     /// Curve parameter of the segment's end.
     pub u_end: f64,
+    /// The state there.
+    pub ahead: Geodesic,
     /// What is there.
     pub end: End,
     /// Index of the cell.
@@ -61,15 +62,6 @@ pub struct Path {
     pub status: Status,
 }
 
-/// A straight piece of the chart, s in [0, 1].
-#[derive(Clone, Copy, Debug)]
-pub struct Segment {
-    /// s = 0.
-    pub origin: DVec3,
-    /// From s = 0 to s = 1.
-    pub direction: DVec3,
-}
-
 /// f64 counterpart of `shader_io::OVERLAP`: segments reach this far beyond both ends, in chart units.
 const OVERLAP: f64 = 1e-12;
 
@@ -81,6 +73,7 @@ impl Path {
             travelled: 0.0,
             limit,
             u_end: 0.0,
+            ahead: state,
             end: End::Limit,
             cell,
             bounces: 0,
@@ -101,17 +94,36 @@ impl Path {
     }
 }
 
-/// Largest deviation of a chord from its curve, a length, for a chord that begins at distance `travelled` from the
-/// source and a tolerance that is an angle ε seen from there.
+/// How segments follow curves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Follow {
+    /// Largest deviation, as an angle seen from the source of the ray ([`deviation_at`]).
+    pub tolerance: f64,
+    /// Largest way from a chord to its arc, in units of the chart: traversal by a device looks for what is so near to
+    /// the chord.
+    pub sagitta: f64,
+}
+
+impl Follow {
+    /// Exactly, in segments that only the geometry limits: for walks that meet nothing.
+    pub const EXACTLY: Self = Self { tolerance: f64::INFINITY, sagitta: f64::INFINITY };
+
+    /// Largest deviation of the path's next segment, a length.
+    fn deviation(self, path: &Path) -> f64 {
+        deviation_at(path.travelled, self.tolerance)
+    }
+}
+
+/// Largest deviation of an arc from its curve, a length, for an arc that begins at distance `travelled` from the source and
+/// a tolerance that is an angle ε seen from there.
 ///
-/// The angle allows ε (travelled + s) at s along the chord, and a curve of curvature κ leaves a chord of length h by
-/// κ s (h − s) / 2 there. That stays within the angle up to the h with √(travelled + h) = √travelled + √(2ε/κ), whose
-/// greatest deviation κh²/8 is ε·travelled far from the source and ε²/2κ at the source. The model geometries have
-/// curvatures of order 1, and so the sum of both serves at any distance. It depends on nothing but the way from the
-/// source: faces that cut the path do not change it. Shadow rays have their source on the surface that they leave, where
-/// a looser chord would meet that surface again.
+/// The angle allows ε·travelled far from the source. At the source an arc of length h with third derivative K has the
+/// wrong direction by K h²/12, which is ε for h = √(12 ε/K), and there its deviation of K h³/125 is ε^(3/2)/(3 √K). The
+/// model geometries have third derivatives of order 1, and so the sum of both serves at any distance. It depends on nothing
+/// but the way from the source: faces that cut the path do not change it. Shadow rays have their source on the surface that
+/// they leave, where a looser arc would meet that surface again.
 pub fn deviation_at(travelled: f64, tolerance: f64) -> f64 {
-    tolerance * (travelled + 0.5 * tolerance)
+    tolerance * (travelled + tolerance.sqrt() / 3.0)
 }
 
 /// Finds the end of the segment that starts at the path's state, and brings a state that rounding has left outside
@@ -122,16 +134,15 @@ pub fn stage_segment<G: Geometry>(
     domain: &Domain,
     path: &mut Path,
     bounces: u32,
-    chord_tolerance: f64,
+    follow: Follow,
     mut crossed: impl FnMut(usize),
 ) -> Option<Segment> {
     let first = path.segments == 0;
     let mut attempt = 0;
-    let mut u = loop {
+    let (mut u, mut ahead) = loop {
+        let (mut u, ahead) = reach(geometry, path, follow);
         let mut worst = ON_FACE;
         let mut violated = None;
-        let mut u = f64::INFINITY;
-        path.end = End::Limit;
         for face in domain.cells[path.cell].clone() {
             let plane = domain.faces[face].plane;
             let side = geometry.side(path.state.point, plane);
@@ -139,13 +150,19 @@ pub fn stage_segment<G: Geometry>(
                 worst = side;
                 violated = Some(face);
             }
-            let exit = geometry.exit(path.state, plane);
+            // Most faces are far from the segment.
+            if ahead
+                .is_some_and(|(segment, _)| segment.highest(plane) < -f64::from(FACE_MARGIN) * follow.deviation(path))
+            {
+                continue;
+            }
+            let exit = geometry.exit(path.state, plane, u);
             if exit < u {
                 u = exit;
                 path.end = End::Face(face);
             }
         }
-        let Some(face) = violated else { break u };
+        let Some(face) = violated else { break (u, ahead) };
         if attempt == REDUCE_LIMIT {
             path.status = Status::Lost;
             return None;
@@ -158,11 +175,6 @@ pub fn stage_segment<G: Geometry>(
         crossed(face);
         attempt += 1;
     };
-    let rest = geometry.parameter_at(path.state, path.limit - path.travelled);
-    if rest < u {
-        u = rest;
-        path.end = End::Limit;
-    }
     // A geodesic that meets no face and has no limit ends here: only an unbounded cell lets it. One with a limit that
     // the curve parameter does not reach goes there in strides.
     if u.is_infinite() {
@@ -171,23 +183,43 @@ pub fn stage_segment<G: Geometry>(
             return None;
         }
         u = geometry.parameter_at(path.state, STRIDE.into());
-        path.end = End::Chord;
+        path.end = End::Arc;
     }
-    let chord = geometry.chord(path.state, u, deviation_at(path.travelled, chord_tolerance));
-    if chord < u {
-        u = chord;
-        path.end = End::Chord;
+    if matches!(path.end, End::Face(_)) {
+        ahead = None;
     }
+    let (segment, end) = ahead.unwrap_or_else(|| Segment::along(geometry, path.state, u));
+    path.ahead = end;
     path.u_end = u;
     path.segments += 1;
-    let origin = geometry.chart(path.state.point);
-    let direction = geometry.chart(geometry.advance(path.state, u).point) - origin;
-    let slack = OVERLAP / direction.length().max(1e-9);
-    Some(if first {
-        Segment { origin, direction: direction * (1.0 + slack) }
-    } else {
-        Segment { origin: origin - direction * slack, direction: direction * (1.0 + 2.0 * slack) }
-    })
+    let slack = OVERLAP / segment.direction.length().max(1e-9);
+    Some(segment.extended(if first { 0.0 } else { slack }, slack))
+}
+
+/// How far the next segment reaches if no face ends it, with that segment where it is an arc.
+fn reach<G: Geometry>(geometry: G, path: &mut Path, follow: Follow) -> (f64, Option<(Segment, Geodesic)>) {
+    let rest = geometry.parameter_at(path.state, path.limit - path.travelled);
+    let mut u = geometry.arc(path.state, rest, follow.deviation(path));
+    path.end = if u < rest { End::Arc } else { End::Limit };
+    if G::STRAIGHT || follow.tolerance.is_infinite() {
+        return (u, None);
+    }
+    let stride = geometry.parameter_at(path.state, STRIDE.into());
+    if stride < u {
+        (u, path.end) = (stride, End::Arc);
+    }
+    let mut ahead = Segment::along(geometry, path.state, u);
+    // The way from the chord to the arc grows like u².
+    for _ in 0..SAGITTA_STEPS {
+        let sagitta = 0.25 * ahead.0.bend.abs().max_element();
+        if sagitta <= follow.sagitta {
+            break;
+        }
+        u *= 0.9 * (follow.sagitta / sagitta).sqrt();
+        path.end = End::Arc;
+        ahead = Segment::along(geometry, path.state, u);
+    }
+    (u, Some(ahead))
 }
 
 /// The miss stage: the segment met nothing, so the geodesic moves on to its end and through the face there, which
@@ -200,9 +232,9 @@ pub fn stage_transport<G: Geometry>(
     mut crossed: impl FnMut(usize),
 ) {
     path.travelled += geometry.length(path.state, path.u_end);
-    let state = geometry.advance(path.state, path.u_end);
+    let state = path.ahead;
     match path.end {
-        End::Chord => path.state = geometry.restore(state),
+        End::Arc => path.state = geometry.restore(state),
         End::Face(face) if path.bounces < bounces => {
             path.cross(geometry, domain, state, face);
             crossed(face);

@@ -43,7 +43,7 @@ fn draw(backend: &mut dyn Backend, scene: &Scene) -> Target {
     draw_counted(backend, scene).0
 }
 
-/// The picture, and segments of its rays per crossing of a cell: 1 where geodesics are straight in the chart, else chords.
+/// The picture, and segments of its rays per crossing of a cell: 1 where geodesics are straight in the chart, else arcs.
 fn draw_counted(backend: &mut dyn Backend, scene: &Scene) -> (Target, f64) {
     let plan = Plan::new(scene, true);
     let world = Arc::new(World::new(scene, &plan, scene.observer.frame).expect("shipped scenes fit"));
@@ -125,14 +125,14 @@ fn compute(context: &Arc<Context>) -> ComputeBackend {
 
 /// Smallest share of pixels whose 8-bit values are equal in rt and compute on one driver. Traversals round differently,
 /// so within a rounding of an edge they may select another triangle; everything else is the same code. That may happen
-/// once with each segment, so where a crossing of a cell takes several chords so many times more pixels may differ.
+/// once with each segment, so where a crossing of a cell takes several arcs so many times more pixels may differ.
 const EXACT_SHARE: f64 = 0.9999;
 
-/// Why the pictures are not equal, or the share of pixels that differ. `chords`: segments per crossing.
-fn judge_exactly(a: &[[i32; 3]], b: &[[i32; 3]], chords: f64) -> Result<f64, String> {
+/// Why the pictures are not equal, or the share of pixels that differ. `arcs`: segments per crossing.
+fn judge_exactly(a: &[[i32; 3]], b: &[[i32; 3]], arcs: f64) -> Result<f64, String> {
     let differing = a.iter().zip(b).filter(|(a, b)| a != b).count();
     let share = differing as f64 / a.len() as f64;
-    if share <= (1.0 - EXACT_SHARE) * chords && a.len() == b.len() {
+    if share <= (1.0 - EXACT_SHARE) * arcs && a.len() == b.len() {
         Ok(share)
     } else {
         Err(format!("{differing} of {} pixels are not equal", a.len()))
@@ -152,11 +152,11 @@ fn agrees(name: &str) {
         judge("compute", &srgb(&draw(&mut compute(&gpu), &scene)));
     }
     if let Some(gpu) = support::rt_gpu() {
-        let (traced, chords) = draw_counted(&mut RtBackend::new(&gpu).expect("the backend can be made"), &scene);
+        let (traced, arcs) = draw_counted(&mut RtBackend::new(&gpu).expect("the backend can be made"), &scene);
         let traced = srgb(&traced);
         judge("rt", &traced);
         let computed = srgb(&draw(&mut compute(&gpu), &scene));
-        match judge_exactly(&traced, &computed, chords) {
+        match judge_exactly(&traced, &computed, arcs) {
             Ok(share) => println!("{name}: rt against compute: {:.4} % of the pixels are not equal", 100.0 * share),
             Err(why) => panic!("{name}: rt against compute: {why}"),
         }

@@ -12,7 +12,7 @@ use holonomy::{
         domain::Domain,
         observer::Frame,
         polyhedron::Polyhedron,
-        walk::{Path, Status, stage_segment, stage_transport},
+        walk::{Follow, Path, Status, stage_segment, stage_transport},
     },
 };
 use std::sync::Arc;
@@ -97,7 +97,7 @@ impl Shoot<'_> {
         while path.status == Status::Flying {
             // A face may take the state to a part of its partner's plane that is outside; the next segment begins
             // by bringing it in.
-            if stage_segment(geometry, domain, &mut path, BOUNCES, 1.0, |_| ()).is_some() {
+            if stage_segment(geometry, domain, &mut path, BOUNCES, Follow::EXACTLY, |_| ()).is_some() {
                 for face in domain.cells[path.cell].clone() {
                     worst = worst.max(geometry.side(path.state.point, domain.faces[face].plane));
                 }

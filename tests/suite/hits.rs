@@ -2,12 +2,12 @@
 //!
 //! Two geometries are made for the purpose. [`Faceted`] is a geometry without its quadrics, so that its balls and tubes
 //! are triangles, to be compared with the quadrics. [`Sheared`] is Euclidean space in the chart
-//! `(x + a (y² + z²), y, z)`, in which geodesics are parabolas and everything else has a closed form.
+//! `(x + s(y) + s(z), y, z)` with a cubic s, in which geodesics are cubic curves and everything else has a closed form.
 
 use crate::{laws::broken, support::Random};
 use glam::{DMat4, DVec2, DVec3, DVec4};
 use holonomy::{
-    geometry::{ALONG_FACE, E3, Geodesic, Geometry, H3, Isometry, Quadric, S3, exponential},
+    geometry::{ALONG_FACE, E3, Geodesic, Geometry, H3, Isometry, ON_FACE, Quadric, S3, Segment, exponential},
     render::{
         Shot,
         cpu::{
@@ -71,11 +71,12 @@ impl<G: Geometry> Geometry for Faceted<G> {
         fold(plane: DVec4, pairing: &Isometry) -> Isometry;
         cross(folded: &Isometry, plane: DVec4, g: Geodesic) -> Geodesic;
         side(p: DVec4, plane: DVec4) -> f64;
-        exit(g: Geodesic, plane: DVec4) -> f64;
-        chord(g: Geodesic, u_max: f64, tolerance: f64) -> f64;
+        exit(g: Geodesic, plane: DVec4, reach: f64) -> f64;
+        arc(g: Geodesic, u_max: f64, tolerance: f64) -> f64;
         parameter(g: Geodesic, c: DVec3) -> f64;
         chart(p: DVec4) -> DVec3;
         unchart(c: DVec3) -> Option<DVec4>;
+        chart_vector(p: DVec4, v: DVec4) -> DVec3;
         unchart_vector(p: DVec4, dc: DVec3) -> DVec4;
         raise(p: DVec4, conormal: DVec3) -> DVec4;
         lower(p: DVec4, v: DVec4) -> DVec3;
@@ -90,15 +91,20 @@ impl<G: Geometry> Geometry for Faceted<G> {
     }
 }
 
-/// Euclidean space in a chart in which geodesics are parabolas; with `true` it denies that.
+/// Euclidean space in a chart in which geodesics are cubic curves; with `true` it denies that.
 #[derive(Clone, Copy)]
 struct Sheared<const STRAIGHT: bool>(E3);
 
 /// The honest one.
 const SHEARED: Sheared<false> = Sheared(E3);
 
-/// Curvature of the steepest parabolas: twice the coefficient of the chart.
-const SHEAR: f64 = 0.5;
+/// Second and third derivative of [`shear`] at 0.
+const SHEAR: [f64; 2] = [0.5, 0.7];
+
+/// What the chart adds to x for each other coordinate, and its derivative.
+fn shear(y: f64) -> [f64; 2] {
+    [y * y * (SHEAR[0] / 2.0 + SHEAR[1] / 6.0 * y), y * (SHEAR[0] + SHEAR[1] / 2.0 * y)]
+}
 
 impl<const STRAIGHT: bool> Geometry for Sheared<STRAIGHT> {
     const STRAIGHT: bool = STRAIGHT;
@@ -108,27 +114,40 @@ impl<const STRAIGHT: bool> Geometry for Sheared<STRAIGHT> {
         plane.dot(self.chart(p).extend(1.0))
     }
 
-    fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
-        // side(t) = a t² + b t + c.
+    fn exit(&self, g: Geodesic, plane: DVec4, reach: f64) -> f64 {
+        // A cubic: between the zeros of its derivative it is monotone.
         let (p, v) = (g.point.truncate(), g.velocity.truncate());
-        let a = 0.5 * SHEAR * plane.x * (v.y * v.y + v.z * v.z);
-        let b = plane.truncate().dot(v) + plane.x * SHEAR * (p.y * v.y + p.z * v.z);
-        let c = self.side(g.point, plane);
-        let root = b * b - 4.0 * a * c;
-        if a.abs() < 1e-14 {
-            return if b > ALONG_FACE { (-c / b).max(0.0) } else { f64::INFINITY };
+        let side = |t: f64| self.side((p + v * t).extend(1.0), plane);
+        let rate = |t: f64| {
+            let q = p + v * t;
+            plane.truncate().dot(v) + plane.x * (shear(q.y)[1] * v.y + shear(q.z)[1] * v.z)
+        };
+        if side(0.0) >= -ON_FACE && rate(0.0) > ALONG_FACE {
+            return 0.0;
         }
-        if root <= 0.0 {
-            return f64::INFINITY;
+        let cubes = plane.x * SHEAR[1] * (v.y.powi(3) + v.z.powi(3)) / 2.0;
+        let squares = plane.x * (SHEAR[0] * (v.y * v.y + v.z * v.z) + SHEAR[1] * (p.y * v.y * v.y + p.z * v.z * v.z));
+        let root = (squares * squares - 4.0 * cubes * rate(0.0)).sqrt();
+        let turns = [(-squares - root) / (2.0 * cubes), (-squares + root) / (2.0 * cubes), -rate(0.0) / squares];
+        let far = reach.min(100.0);
+        let mut ends: Vec<f64> = turns.into_iter().filter(|t| *t > 0.0 && *t < far).chain([0.0, far]).collect();
+        ends.sort_by(f64::total_cmp);
+        for span in ends.windows(2) {
+            let (mut low, mut high) = (span[0], span[1]);
+            if side(low) < 0.0 && side(high) >= 0.0 {
+                for _ in 0..100 {
+                    let middle = 0.5 * (low + high);
+                    if side(middle) < 0.0 { low = middle } else { high = middle }
+                }
+                return high;
+            }
         }
-        // Of both roots the one with a positive slope, 2at + b = √root.
-        let t = if b > 0.0 { -2.0 * c / (b + root.sqrt()) } else { (root.sqrt() - b) / (2.0 * a) };
-        if t >= -1e-12 { t.max(0.0) } else { f64::INFINITY }
+        f64::INFINITY
     }
 
-    fn chord(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
-        let acceleration = SHEAR * (g.velocity.y.powi(2) + g.velocity.z.powi(2));
-        (8.0 * tolerance / acceleration).sqrt().min(u_max)
+    fn arc(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
+        let third = SHEAR[1] * (g.velocity.y.powi(3) + g.velocity.z.powi(3)).abs();
+        (96.0 * tolerance / third).cbrt().min(u_max)
     }
 
     fn parameter(&self, g: Geodesic, c: DVec3) -> f64 {
@@ -136,23 +155,27 @@ impl<const STRAIGHT: bool> Geometry for Sheared<STRAIGHT> {
     }
 
     fn chart(&self, p: DVec4) -> DVec3 {
-        DVec3::new(p.x + 0.5 * SHEAR * (p.y * p.y + p.z * p.z), p.y, p.z)
+        DVec3::new(p.x + shear(p.y)[0] + shear(p.z)[0], p.y, p.z)
     }
 
     fn unchart(&self, c: DVec3) -> Option<DVec4> {
-        Some(DVec4::new(c.x - 0.5 * SHEAR * (c.y * c.y + c.z * c.z), c.y, c.z, 1.0))
+        Some(DVec4::new(c.x - shear(c.y)[0] - shear(c.z)[0], c.y, c.z, 1.0))
+    }
+
+    fn chart_vector(&self, p: DVec4, v: DVec4) -> DVec3 {
+        DVec3::new(v.x + shear(p.y)[1] * v.y + shear(p.z)[1] * v.z, v.y, v.z)
     }
 
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {
-        DVec4::new(dc.x - SHEAR * (p.y * dc.y + p.z * dc.z), dc.y, dc.z, 0.0)
+        DVec4::new(dc.x - shear(p.y)[1] * dc.y - shear(p.z)[1] * dc.z, dc.y, dc.z, 0.0)
     }
 
     fn raise(&self, p: DVec4, n: DVec3) -> DVec4 {
-        DVec3::new(n.x, n.y + SHEAR * p.y * n.x, n.z + SHEAR * p.z * n.x).normalize().extend(0.0)
+        DVec3::new(n.x, n.y + shear(p.y)[1] * n.x, n.z + shear(p.z)[1] * n.x).normalize().extend(0.0)
     }
 
     fn lower(&self, p: DVec4, v: DVec4) -> DVec3 {
-        DVec3::new(v.x, v.y - SHEAR * p.y * v.x, v.z - SHEAR * p.z * v.x)
+        DVec3::new(v.x, v.y - shear(p.y)[1] * v.x, v.z - shear(p.z)[1] * v.x)
     }
 
     fn volume_density(&self, _c: DVec3) -> f64 {
@@ -183,7 +206,7 @@ fn hits_test_geometries_obey_the_laws() {
 
 // --- refinement -----------------------------------------------------------------------------------
 
-/// A geodesic of the sheared space with a plane of the chart that its chord of length `h` passes, and their values.
+/// A geodesic of the sheared space with a plane of the chart that its arc of length `h` passes, and their values.
 struct Crossing {
     start: Geodesic,
     plane: DVec4,
@@ -209,31 +232,36 @@ impl Crossing {
         SHEARED.side(E3.flow(self.start, u).point, self.plane)
     }
 
-    /// The chord's own hit, and the rate of the plane's form along it.
-    fn chord_hit(&self) -> (f64, f64) {
-        let (first, last) = (self.value(0.0), self.value(self.h));
-        let rate = (last - first) / self.h;
-        (-first / rate, rate)
+    /// The arc's own hit, and the rate of the plane's form along it.
+    fn arc_hit(&self) -> (f64, f64) {
+        let (arc, _) = Segment::along(SHEARED, self.start, self.h);
+        let s = self.root(|s| self.plane.dot(arc.at(s).extend(1.0)));
+        (s * self.h, self.plane.truncate().dot(arc.tangent(s)) / self.h)
     }
 
-    /// The true parameter, by halving the chord's range.
+    /// The true parameter.
     fn truth(&self) -> f64 {
-        let (mut low, mut high) = (0.0, self.h);
-        let sign = self.value(0.0).signum();
+        self.root(|s| self.value(s * self.h)) * self.h
+    }
+
+    /// Where a function changes its sign between 0 and 1.
+    fn root(&self, value: impl Fn(f64) -> f64) -> f64 {
+        let (mut low, mut high) = (0.0, 1.0);
+        let sign = value(0.0).signum();
         for _ in 0..200 {
             let middle = 0.5 * (low + high);
-            if self.value(middle).signum() == sign { low = middle } else { high = middle }
+            if value(middle).signum() == sign { low = middle } else { high = middle }
         }
         0.5 * (low + high)
     }
 
     fn error(&self, steps: usize) -> f64 {
-        let (start, rate) = self.chord_hit();
+        let (start, rate) = self.arc_hit();
         (refine(|u| self.value(u), start, rate, self.h, steps) - self.truth()).abs()
     }
 }
 
-/// The start is off by h², each step by h times the errors of the two before it: 2, 3, 5 (in f64 no further).
+/// The start is off by h³; the slope there is off by h², so the first step by h⁵ (in f64 no further).
 #[test]
 fn hits_refinement_has_its_order() {
     let median = |h: f64, steps: usize| -> f64 {
@@ -242,8 +270,8 @@ fn hits_refinement_has_its_order() {
         errors.sort_by(f64::total_cmp);
         errors[1000].ln()
     };
-    for (steps, order) in [(0, 2.0), (1, 3.0), (2, 5.0)] {
-        // Large chords for the higher order, whose errors soon drown in rounding.
+    for (steps, order) in [(0, 3.0), (1, 5.0)] {
+        // Large arcs, for errors that soon drown in rounding.
         let (coarse, fine) = (0.4, 0.2);
         let measured = (median(coarse, steps) - median(fine, steps)) / 2.0_f64.ln();
         println!("{steps} steps: order {measured:.2}, median error at h = {fine}: {:.1e}", median(fine, steps).exp());
@@ -259,11 +287,11 @@ fn hits_refined_hits_lie_on_surface_and_curve() {
     };
     let after_four = worst(4, &mut random);
     assert!(after_four < 1e-14, "{after_four:e}");
-    // The chord's own hit would be seen.
-    assert!(worst(0, &mut random) > 1e-5);
+    // The arc's own hit could be seen.
+    assert!(worst(0, &mut random) > 1e-6);
 }
 
-/// Curves that miss a surface which their chord touches, forms without slope, ranges without length: an answer in the
+/// Curves that miss a surface which their arc touches, forms without slope, ranges without length: an answer in the
 /// range, never farther from the surface than the start.
 #[test]
 fn hits_refinement_never_leaves_its_range() {
@@ -383,7 +411,7 @@ fn hits_wrong_triangles_are_caught() {
     assert!(off > 1.2 * DEVIATION, "{off}");
 }
 
-/// The sheared space shows what Euclidean space shows: a ball and a tube, with many chords to each.
+/// The sheared space shows what Euclidean space shows: a ball and a tube, with many arcs to each.
 #[test]
 fn hits_chart_shows_the_same_picture() {
     let mut scene = scene(
@@ -396,20 +424,20 @@ fn hits_chart_shows_the_same_picture() {
     scene.settings.tolerance = 0.02;
     let sheared = trace(SHEARED, &scene);
     let (other, off, angle) = compare(E3, 0.2, &straight, &sheared);
-    let chords: u32 = sheared.iter().map(|(path, _)| path.segments).sum();
-    let chords = f64::from(chords) / sheared.len() as f64;
-    println!("{other:.4} of the pixels, {off:.1e} of the radius, {angle:.1e} rad, {chords:.1} chords");
+    let arcs: u32 = sheared.iter().map(|(path, _)| path.segments).sum();
+    let arcs = f64::from(arcs) / sheared.len() as f64;
+    println!("{other:.4} of the pixels, {off:.1e} of the radius, {angle:.1e} rad, {arcs:.1} arcs");
     // The ball is 2.5 times as large.
     assert!(other < 0.01 && off < 1.2 * 2.5 * DEVIATION && angle < 0.05);
-    assert!(chords > 20.0, "chords are walked");
+    assert!(arcs > 5.0, "arcs are walked");
 
-    // Hits are on the curve, whatever the chord: at the distance along the pixel's ray that its own point has.
+    // Hits are on the curve, whatever the arc: at the distance along the pixel's ray that its own point has.
     let off_ray = |pixels: &[(Path, Option<Surface>)]| {
         let eye = scene.observer.frame.point;
         let hits = pixels.iter().filter(|(path, _)| path.status == Status::Hit);
         hits.map(|(path, _)| (E3.distance(eye, path.state.point) - path.travelled).abs()).fold(0.0, f64::max)
     };
-    // And on the surface: all but those at outlines, where a chord half a pixel away meets another triangle.
+    // And on the surface: all but those at outlines, where an arc half a pixel away meets another triangle.
     let off_surface = |pixels: &[(Path, Option<Surface>)]| {
         let near = straight.iter().zip(pixels).filter(|((a, _), (b, _))| {
             a.status == Status::Hit && b.status == Status::Hit && (a.travelled - b.travelled).abs() > 1.5 * DEVIATION
@@ -510,28 +538,38 @@ fn hits_radius_beyond_the_exponential_map_is_refused() {
     assert!(World::in_geometry(Faceted(S3), &fits, &plan, fits.observer.frame).is_ok());
 }
 
-// --- the tolerance of chords ----------------------------------------------------------------------
+// --- the tolerance of arcs ------------------------------------------------------------------------
 
-/// Seen from the source no point of a chord is farther from the curve than the tolerance, however near it is, and chords
-/// are not shorter than that needs: from a distance T the number of chords to the next is that of the theory, where the
-/// n-th chord ends at 2εn²/κ.
+/// Seen from the source no point of an arc is farther from the curve than the tolerance, however near it is, and arcs are
+/// not shorter than that needs: their number is compared with that of arcs that use the angle up, found by halving.
 #[test]
-fn hits_chords_keep_the_angle_from_the_first_on() {
-    let angle = 1e-3;
-    // The parabola of curvature 1 at the start, in the plane of y.
-    let curvature: f64 = 1.0;
-    let (mut travelled, mut count, mut worst) = (0.0, 0, 0.0_f64);
-    while travelled < 1.0 {
-        let h = (8.0 * deviation_at(travelled, angle) / curvature).sqrt();
-        for k in 1..200 {
-            let s = h * f64::from(k) / 200.0;
-            worst = worst.max(0.5 * curvature * s * (h - s) / (travelled + s) / angle);
+fn hits_arcs_keep_the_angle_from_the_first_on() {
+    let angle = 1e-4;
+    // A curve with third derivative 1, and what the longest arc by the bound and the best arc make of it.
+    let worst_angle = |travelled: f64, h: f64| -> f64 {
+        let off = |s: f64| s * (h - s) * (h - 2.0 * s).abs() / 12.0;
+        (1..200).map(|k| h * f64::from(k) / 200.0).map(|s| off(s) / (travelled + s)).fold(0.0, f64::max) / angle
+    };
+    let walk = |length: &dyn Fn(f64) -> f64| {
+        let (mut travelled, mut count, mut worst) = (0.0, 0, 0.0_f64);
+        while travelled < 2.0 {
+            let h = length(travelled);
+            worst = worst.max(worst_angle(travelled, h));
+            travelled += h;
+            count += 1;
         }
-        travelled += h;
-        count += 1;
-    }
-    let theory = (curvature / (2.0 * angle)).sqrt();
-    println!("{count} chords, theory {theory:.1}, worst angle {worst:.3} of the tolerance");
+        (count, worst)
+    };
+    let (count, worst) = walk(&|travelled| (96.0 * deviation_at(travelled, angle)).cbrt());
+    let (least, most) = walk(&|travelled| {
+        let (mut low, mut high) = (0.0, 10.0);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if worst_angle(travelled, middle) <= 1.0 { low = middle } else { high = middle }
+        }
+        low
+    });
+    println!("{count} arcs, worst angle {worst:.3} of the tolerance; {least} arcs use {most:.3} of it");
     assert!(worst <= 1.0 + 1e-9, "{worst}");
-    assert!(f64::from(count) < 1.2 * theory, "{count} chords instead of {theory}");
+    assert!(f64::from(count) < 1.5 * f64::from(least), "{count} arcs instead of {least}");
 }

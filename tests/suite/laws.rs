@@ -159,7 +159,7 @@ const FUNCTIONS: &[&str] = &[
     "advance",
     "side",
     "exit",
-    "chord",
+    "arc",
     "parameter",
     "restore",
     "chart",
@@ -280,11 +280,11 @@ impl<G: Geometry> Geometry for Spoilt<G> {
     fn side(&self, p: DVec4, plane: DVec4) -> f64 {
         self.scalar("side", self.geometry.side(p, plane))
     }
-    fn exit(&self, g: Geodesic, plane: DVec4) -> f64 {
-        self.scalar("exit", self.geometry.exit(g, plane))
+    fn exit(&self, g: Geodesic, plane: DVec4, reach: f64) -> f64 {
+        self.scalar("exit", self.geometry.exit(g, plane, reach))
     }
-    fn chord(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
-        self.scalar("chord", self.geometry.chord(g, u_max, tolerance))
+    fn arc(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
+        self.scalar("arc", self.geometry.arc(g, u_max, tolerance))
     }
     fn parameter(&self, g: Geodesic, c: DVec3) -> f64 {
         self.scalar("parameter", self.geometry.parameter(g, c))
@@ -297,6 +297,9 @@ impl<G: Geometry> Geometry for Spoilt<G> {
     }
     fn unchart(&self, c: DVec3) -> Option<DVec4> {
         self.geometry.unchart(c).map(|p| self.vector("unchart", p))
+    }
+    fn chart_vector(&self, p: DVec4, v: DVec4) -> DVec3 {
+        self.spatial("chart_vector", self.geometry.chart_vector(p, v))
     }
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {
         self.vector("unchart_vector", self.geometry.unchart_vector(p, dc))

@@ -6,9 +6,9 @@
 //! - `body`: head, hands and eyes of a player: rigid, picking up holonomy, seeing in depth.
 //! - `cli`: the real binary in a temporary folder: outputs, exact errors, exit codes.
 //! - `closed_form`: pictures and paths whose answer is known.
-//! - `curved`: chords, exits, nearest points, logarithms and series of the geometries with curved geodesics.
+//! - `curved`: arcs, exits, nearest points, logarithms and series of the geometries with curved geodesics.
 //! - `corners`: rays through edges and vertices, along faces, starting on faces.
-//! - `curves`: chords, exits, logarithms and area densities against walks along the flow.
+//! - `curves`: arcs, exits, logarithms and area densities against walks along the flow.
 //! - `geodesic`: errors of end points against a reference of 192 bits.
 //! - `gluing`: gluing files and Dirichlet domains.
 //! - `gltf`, `scene`: what is read, and what is refused with which words.

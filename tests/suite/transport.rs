@@ -16,7 +16,7 @@ use holonomy::{
     space::{
         Space, catalogue,
         domain::Domain,
-        walk::{Path, Status, stage_segment, stage_transport},
+        walk::{Follow, Path, Status, stage_segment, stage_transport},
     },
 };
 use serde_json::{Value, json};
@@ -68,7 +68,7 @@ fn cases(space: &Space) -> Vec<Case> {
                     let mut ends = Vec::new();
                     let none = |_| ();
                     while path.status == Status::Flying {
-                        if stage_segment(geometry, &domain, &mut path, faces, 1.0, none).is_some() {
+                        if stage_segment(geometry, &domain, &mut path, faces, Follow::EXACTLY, none).is_some() {
                             let passed = path.bounces;
                             stage_transport(geometry, &domain, &mut path, faces, none);
                             ends.push((path.travelled, passed as usize));

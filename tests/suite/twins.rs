@@ -87,7 +87,7 @@ impl Visitor for Cases<'_> {
                     .unwrap_or(n.extend(-0.5)),
             );
             // How steeply a curve meets the plane is the condition of its exit.
-            let exit = geometry.exit(g, plane);
+            let exit = geometry.exit(g, plane, f64::INFINITY);
             let mut steepness = 1.0;
             if exit < 0.9 {
                 let at = geometry.advance(g, exit);
@@ -126,19 +126,21 @@ impl Visitor for Cases<'_> {
             add("side", io::PROBE_SIDE, state(plane), 0.0, vec![geometry.side(point, plane)], false);
             // Near-parallel planes are left out: there the exit is as ill conditioned as the directions are close.
             let settled = [-1e-4, 1e-4].iter().all(|shift| {
-                let moved = geometry.exit(g, plane + DVec4::W * *shift);
+                let moved = geometry.exit(g, plane + DVec4::W * *shift, f64::INFINITY);
                 moved == exit || (moved - exit).abs() < 1e-3
             });
             if settled && (exit.is_infinite() || exit < 0.9) {
-                add("exit", io::PROBE_EXIT, state(plane), 0.0, vec![exit], false);
+                add("exit", io::PROBE_EXIT, state(plane), f64::MAX, vec![exit], false);
             }
-            let chord = geometry.chord(g, u, 1e-3);
-            add("chord", io::PROBE_CHORD, state(DVec4::new(u, 0.0, 0.0, 0.0)), 1e-3, vec![chord], false);
+            let arc = geometry.arc(g, u, 1e-5);
+            add("arc", io::PROBE_ARC, state(DVec4::new(u, 0.0, 0.0, 0.0)), 1e-5, vec![arc], false);
             add("parameter", io::PROBE_PARAMETER, state(c.extend(0.0)), 0.0, vec![geometry.parameter(g, c)], false);
             add("restore", io::PROBE_RESTORE, state(zero), 0.0, numbers(geometry.restore(g)), true);
             add("chart", io::PROBE_CHART, state(zero), 0.0, geometry.chart(point).to_array().into(), false);
             let unchart = geometry.unchart(c).expect("a point of the chart");
             add("unchart", io::PROBE_UNCHART, [c.extend(0.0), zero, zero], 0.0, unchart.to_array().into(), false);
+            let image = geometry.chart_vector(point, velocity);
+            add("chart_vector", io::PROBE_CHART_VECTOR, state(zero), 0.0, image.to_array().into(), false);
             let n = rounded(n.extend(0.0));
             let raised = geometry.raise(point, n.truncate());
             add("raise", io::PROBE_RAISE, [point, n, zero], 0.0, raised.to_array().into(), false);
@@ -146,7 +148,7 @@ impl Visitor for Cases<'_> {
             add("lower", io::PROBE_LOWER, state(zero), 0.0, lowered.to_array().into(), false);
             add("apply", io::PROBE_APPLY, state(zero), 0.0, numbers(geometry.apply(self.pairing, g)), true);
             // On the face itself, where passages happen.
-            let on_face = geometry.exit(Geodesic { point: base, velocity }, self.plane);
+            let on_face = geometry.exit(Geodesic { point: base, velocity }, self.plane, f64::INFINITY);
             if on_face.is_finite() {
                 let g =
                     geometry.advance(Geodesic { point: base, velocity: rounded(direction(base, &mut random)) }, 0.2);
@@ -218,11 +220,12 @@ fn twins_spoiled_results_are_caught() {
         "advance",
         "side",
         "exit",
-        "chord",
+        "arc",
         "parameter",
         "restore",
         "chart",
         "unchart",
+        "chart_vector",
         "raise",
         "lower",
         "apply",

@@ -34,14 +34,10 @@ impl<G: Geometry> Tracer<'_, G> {
         let mut faces = Vec::new();
         self.count(counts, COUNT_RAYS);
         while path.status == Status::Flying && path.segments < limit_of_segments {
-            let segment = stage_segment(
-                self.geometry,
-                &self.world.domain,
-                &mut path,
-                settings.bounces,
-                self.chord_tolerance,
-                |face| faces.push(face),
-            );
+            let segment =
+                stage_segment(self.geometry, &self.world.domain, &mut path, settings.bounces, self.follow, |face| {
+                    faces.push(face)
+                });
             if let Some(segment) = segment {
                 self.count(counts, COUNT_SEGMENTS);
                 surface = self.trace_segment(&mut path, segment, counts, |face| faces.push(face));

@@ -36,8 +36,7 @@ impl<G: Geometry> Tracer<'_, G> {
         let mut path = Path::new(state, cell, range);
         let domain = &self.world.domain;
         while path.status == Status::Flying {
-            let Some(segment) =
-                stage_segment(self.geometry, domain, &mut path, SHADOW_BOUNCES, self.chord_tolerance, |_| ())
+            let Some(segment) = stage_segment(self.geometry, domain, &mut path, SHADOW_BOUNCES, self.follow, |_| ())
             else {
                 break;
             };

@@ -2,11 +2,11 @@
 
 use super::traverse::Tracer;
 use crate::{
-    geometry::{Geometry, Quadric},
+    geometry::{Geometry, Quadric, Segment},
     render::world::{World, WorldQuadric},
     scene::{Shading, Texture, Wrap},
     shader_io::{QUADRIC_BIT, TriangleShading},
-    space::walk::{Path, Segment, Status},
+    space::walk::{Path, Status},
 };
 use glam::{DVec2, DVec3, DVec4, Vec2, Vec3};
 
@@ -33,7 +33,11 @@ pub struct Surface {
 }
 
 /// s and the weights of the second and third corner, or s = [`NO_HIT`].
-pub(super) fn triangle_hit(segment: Segment, [a, b, c]: [DVec3; 3]) -> (f64, DVec2) {
+pub(super) fn triangle_hit<G: Geometry>(segment: Segment, corners: [DVec3; 3]) -> (f64, DVec2) {
+    if G::STRAIGHT { triangle_hit_straight(segment, corners) } else { triangle_hit_arc(segment, corners) }
+}
+
+fn triangle_hit_straight(segment: Segment, [a, b, c]: [DVec3; 3]) -> (f64, DVec2) {
     let (a, b, c) = (a - segment.origin, b - segment.origin, c - segment.origin);
     let wa = segment.direction.dot(b.cross(c));
     let wb = segment.direction.dot(c.cross(a));
@@ -51,7 +55,43 @@ pub(super) fn triangle_hit(segment: Segment, [a, b, c]: [DVec3; 3]) -> (f64, DVe
     if (0.0..=1.0).contains(&s) { (s, DVec2::new(wb / sum, wc / sum)) } else { (NO_HIT, DVec2::ZERO) }
 }
 
-/// Smallest s in [0, 1] at which the segment meets the surface, or [`NO_HIT`]. An eye inside sees the far wall.
+/// A point this far outside of a triangle, in units of the chart's coordinates, still lies in it: so that arcs find no gap
+/// between neighbours. The shaders have their own value.
+const ON_EDGE: f64 = 1e-14;
+
+/// The arc's height over the triangle's plane is a quadratic of s; its roots in order, the first one inside counts.
+fn triangle_hit_arc(segment: Segment, [a, b, c]: [DVec3; 3]) -> (f64, DVec2) {
+    let (edge_b, edge_c) = (b - a, c - a);
+    let normal = edge_b.cross(edge_c);
+    let area = normal.length_squared();
+    // height + (rate + bend) s − bend s².
+    let (height, bend) = (normal.dot(segment.origin - a), normal.dot(segment.bend));
+    let linear = normal.dot(segment.direction) + bend;
+    let discriminant = linear * linear + 4.0 * bend * height;
+    if discriminant < 0.0 || area == 0.0 {
+        return (NO_HIT, DVec2::ZERO);
+    }
+    let q = 0.5 * (linear + discriminant.sqrt().copysign(linear));
+    let [one, other] = [if q == 0.0 { NO_HIT } else { -height / q }, if bend == 0.0 { NO_HIT } else { q / bend }];
+    for s in [one.min(other), one.max(other)] {
+        if !(0.0..=1.0).contains(&s) {
+            continue;
+        }
+        let at = segment.at(s) - a;
+        let [wb, wc] = [normal.dot(at.cross(edge_c)), normal.dot(edge_b.cross(at))];
+        // Each weight is a distance from an edge, times the edge's length and the normal's.
+        let slack = ON_EDGE * (1.0 + at.abs().max_element() + a.abs().max_element());
+        let inside =
+            |weight: f64, edge: DVec3| weight >= 0.0 || weight * weight <= slack * slack * area * edge.length_squared();
+        if inside(wb, edge_c) && inside(wc, edge_b) && inside(area - wb - wc, edge_c - edge_b) {
+            return (s, DVec2::new(wb, wc) / area);
+        }
+    }
+    (NO_HIT, DVec2::ZERO)
+}
+
+/// Smallest s in [0, 1] at which the segment meets the surface, or [`NO_HIT`]. An eye inside sees the far wall. For straight
+/// segments: where others are needed there are no quadrics.
 pub(super) fn quadric_hit(segment: Segment, quadric: &WorldQuadric) -> f64 {
     let Quadric { forms, quadratic: k2, constant: k0 } = quadric.surface;
     let (o, d) = (segment.origin, segment.direction);
@@ -77,11 +117,6 @@ pub(super) fn quadric_hit(segment: Segment, quadric: &WorldQuadric) -> f64 {
     [s0.min(s1), s0.max(s1)].into_iter().find(|s| visible(*s)).unwrap_or(NO_HIT)
 }
 
-/// Height of a chart point over the triangle's plane, in units of 1 / (twice its area).
-fn triangle_form([a, b, c]: [DVec3; 3], at: DVec3) -> f64 {
-    (b - a).cross(c - a).dot(at - a)
-}
-
 /// Weights of the second and third corner of a point of the triangle's plane, clamped to the triangle.
 fn triangle_weights([a, b, c]: [DVec3; 3], at: DVec3) -> DVec2 {
     let normal = (b - a).cross(c - a);
@@ -94,22 +129,16 @@ fn triangle_weights([a, b, c]: [DVec3; 3], at: DVec3) -> DVec2 {
     DVec2::new(wb, wc)
 }
 
-/// The quadric's own form, half of whose gradient is [`Quadric::gradient`].
-fn quadric_form(quadric: &Quadric, at: DVec3) -> f64 {
-    let squares: f64 = quadric.forms.iter().map(|l| l.dot(at.extend(1.0)).powi(2)).sum();
-    squares - quadric.quadratic * at.length_squared() - quadric.constant
-}
-
-/// Steps of [`refine`]: with chords within half a pixel the third reaches f32's rounding, the fourth that of f64.
+/// Steps of [`refine`]: the second reaches f32's rounding, the third that of f64.
 const REFINE_STEPS: usize = 4;
 
 /// The curve parameter in `[0, u_end]` at which `value` (of a primitive's form along the curve) vanishes, near that of
-/// the chord's hit.
+/// the arc's hit.
 ///
-/// Secant steps, the first one with the slope along the chord, `rate`. For chords of length h the start is off by
-/// O(h²), the first step by O(h³), the second by O(h⁵), each further one by the product of the two before it. Steps stay
-/// in the chord's range. What comes out is the best of all steps, so a curve that passes by a surface that its chord
-/// just touches ends no farther from it than the chord's tolerance.
+/// Secant steps, the first one with the slope along the arc, `rate`. For arcs of length h the start is off by
+/// O(h³), the first step by O(h⁵), the second by O(h⁸), each further one by the product of the two before it. Steps stay
+/// in the segment's range. What comes out is the best of all steps, so a curve that passes by a surface that its arc
+/// just touches ends no farther from it than the arc's tolerance.
 pub fn refine(value: impl Fn(f64) -> f64, start: f64, rate: f64, u_end: f64, steps: usize) -> f64 {
     let mut u = start.clamp(0.0, u_end);
     let (mut off, mut slope) = (value(u), rate);
@@ -175,21 +204,11 @@ fn wrap(i: i64, n: i64, mode: Wrap) -> usize {
 }
 
 impl<G: Geometry> Tracer<'_, G> {
-    /// What vanishes on a primitive's surface, at a chart point: curves are brought onto the surface by [`refine`].
-    fn form(&self, reference: u32, at: DVec3) -> f64 {
-        if reference & QUADRIC_BIT != 0 {
-            quadric_form(&self.quadric(reference).surface, at)
-        } else {
-            triangle_form(self.meshes.triangles[reference as usize], at)
-        }
-    }
-
-    /// Curve parameter at which the path meets the primitive that its chord meets at `s`.
-    fn refined(&self, path: &Path, segment: Segment, reference: u32, s: f64) -> f64 {
-        let along = |s: f64| self.form(reference, segment.origin + segment.direction * s);
-        let value = |u: f64| self.form(reference, self.geometry.chart(self.geometry.advance(path.state, u).point));
-        // Slope of the form along the chord: of a plane's exactly, of a quadric's at the hit by central differences.
-        let rate = (along(s + 0.01) - along(s - 0.01)) / 0.02;
+    /// Curve parameter at which the path meets the triangle that its segment meets at `s`.
+    fn refined(&self, path: &Path, segment: Segment, [a, b, c]: [DVec3; 3], s: f64) -> f64 {
+        let normal = (b - a).cross(c - a);
+        let value = |u: f64| normal.dot(self.geometry.chart(self.geometry.advance(path.state, u).point) - a);
+        let rate = normal.dot(segment.tangent(s));
         refine(value, s * path.u_end, rate / path.u_end, path.u_end, REFINE_STEPS)
     }
 
@@ -199,15 +218,15 @@ impl<G: Geometry> Tracer<'_, G> {
         let (s, mut weights) = if is_quadric {
             (quadric_hit(segment, self.quadric(reference)), DVec2::ZERO)
         } else {
-            triangle_hit(segment, self.meshes.triangles[reference as usize])
+            triangle_hit::<G>(segment, self.meshes.triangles[reference as usize])
         };
 
         // The state at the hit, on the geodesic itself.
-        let mut at = segment.origin + segment.direction * s;
+        let (mut at, tangent) = (segment.at(s), segment.tangent(s));
         let u = if G::STRAIGHT {
             self.geometry.parameter(path.state, at)
         } else {
-            self.refined(path, segment, reference, s)
+            self.refined(path, segment, self.meshes.triangles[reference as usize], s)
         };
         path.travelled += self.geometry.length(path.state, u);
         path.state = self.geometry.advance(path.state, u);
@@ -219,7 +238,7 @@ impl<G: Geometry> Tracer<'_, G> {
         let (conormal, away, material, object, uv) = if is_quadric {
             let quadric = self.quadric(reference);
             let conormal = quadric.surface.gradient(at);
-            (conormal, conormal.dot(segment.direction) > 0.0, quadric.material, quadric.object, DVec2::ZERO)
+            (conormal, conormal.dot(tangent) > 0.0, quadric.material, quadric.object, DVec2::ZERO)
         } else {
             let corners = self.meshes.triangles[reference as usize];
             let shading = &self.meshes.shading[reference as usize];
@@ -231,7 +250,7 @@ impl<G: Geometry> Tracer<'_, G> {
             let conormal = a + (b - a) * weights.x + (c - a) * weights.y;
             // Which side is seen follows from the plane of the triangle, not from the interpolated normal.
             let plane = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-            let away = (plane.dot(segment.direction) > 0.0) == (plane.dot(conormal) > 0.0);
+            let away = (plane.dot(tangent) > 0.0) == (plane.dot(conormal) > 0.0);
             (conormal, away, shading.material, shading.object, uv_at(shading, weights))
         };
 

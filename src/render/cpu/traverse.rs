@@ -5,7 +5,7 @@ use super::{
     surface::{NO_HIT, Surface, is_hole, quadric_hit, triangle_hit},
 };
 use crate::{
-    geometry::Geometry,
+    geometry::{Geometry, Segment},
     render::{
         Shot,
         bvh::{Tree, child_of},
@@ -14,7 +14,7 @@ use crate::{
     },
     scene::Shading,
     shader_io::{COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, QUADRIC_BIT, SHADOW_BOUNCES, STACK_SIZE},
-    space::walk::{Path, Segment, Status, stage_transport},
+    space::walk::{Follow, Path, Status, stage_transport},
 };
 use glam::DVec3;
 
@@ -25,7 +25,7 @@ pub struct Tracer<'a, G> {
     pub(super) meshes: &'a Meshes,
     hierarchy: &'a Hierarchy,
     pub(super) shot: &'a Shot,
-    pub(super) chord_tolerance: f64,
+    pub(super) follow: Follow,
     pub(super) uses: Uses,
 }
 
@@ -68,7 +68,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
             meshes: world.meshes(),
             hierarchy: world.hierarchy(),
             shot,
-            chord_tolerance: shot.chord_tolerance(world.settings.tolerance),
+            follow: Follow { tolerance: shot.tolerance(world.settings.tolerance), sagitta: world.sagitta },
             uses,
         }
     }
@@ -120,7 +120,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
                 quadric_hit(segment, self.quadric(reference))
             } else {
                 self.count(counts, COUNT_TRIANGLES);
-                let (s, weights) = triangle_hit(segment, self.meshes.triangles[reference as usize]);
+                let (s, weights) = triangle_hit::<G>(segment, self.meshes.triangles[reference as usize]);
                 let hole = self.uses.alpha_mask
                     && s < *s_end
                     && is_hole(self.world, &self.meshes.shading[reference as usize], weights);
@@ -147,7 +147,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
         let mut current = root;
         // The segment in units of the grid. A zero component would make 0 · ∞ = NaN at a box face; a tiny one behaves
         // as a parallel ray.
-        let origin = (segment.origin - grid.lower) * grid.scale;
+        let origins = box_origins::<G>(segment, grid.lower, grid.scale);
         let direction = segment.direction * grid.scale;
         let reciprocal = direction.to_array().map(|d| if d.abs() < 1e-20 { 1e20 } else { 1.0 / d }).into();
         let mut s_end = 1.0 + 1e-12;
@@ -156,8 +156,8 @@ impl<'a, G: Geometry> Tracer<'a, G> {
         loop {
             let node = &self.hierarchy.nodes[current as usize];
             self.count(counts, COUNT_NODES);
-            let mut s0 = box_entry(node.box0, origin, reciprocal, s_end);
-            let mut s1 = box_entry(node.box1, origin, reciprocal, s_end);
+            let mut s0 = box_entry(node.box0, origins, reciprocal, s_end);
+            let mut s1 = box_entry(node.box1, origins, reciprocal, s_end);
             let (child0, count0) = child_of(node.child0);
             let (child1, count1) = child_of(node.child1);
             if s0 != NO_HIT && count0 > 0 {
@@ -190,12 +190,24 @@ impl<'a, G: Geometry> Tracer<'a, G> {
     }
 }
 
+/// The segment's origin in units of the grid, for the lower and for the upper faces of boxes. An arc lies between its
+/// chord and the chord shifted by a quarter of the bend, so a box that is as much larger to the other side is entered by
+/// the chord no later than the box is by the arc.
+fn box_origins<G: Geometry>(segment: Segment, lower: DVec3, scale: DVec3) -> [DVec3; 2] {
+    let origin = (segment.origin - lower) * scale;
+    if G::STRAIGHT {
+        return [origin; 2];
+    }
+    let bulge = segment.bend * scale * 0.25;
+    [origin + bulge.max(DVec3::ZERO), origin + bulge.min(DVec3::ZERO)]
+}
+
 /// Entry of a segment into a box, in s, or [`NO_HIT`] if it does not enter before `s_end`. All in units of the grid.
-fn box_entry(lines: [u32; 3], origin: DVec3, reciprocal: DVec3, s_end: f64) -> f64 {
+fn box_entry(lines: [u32; 3], [for_lower, for_upper]: [DVec3; 2], reciprocal: DVec3, s_end: f64) -> f64 {
     let low = lines.map(|line| f64::from(line & 0xffff));
     let high = lines.map(|line| f64::from(line >> 16));
-    let a = (DVec3::from(low) - origin) * reciprocal;
-    let b = (DVec3::from(high) - origin) * reciprocal;
+    let a = (DVec3::from(low) - for_lower) * reciprocal;
+    let b = (DVec3::from(high) - for_upper) * reciprocal;
     let enter = a.min(b).max_element().max(0.0);
     let leave = a.max(b).min_element().min(s_end);
     if enter <= leave { enter } else { NO_HIT }

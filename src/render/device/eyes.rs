@@ -221,7 +221,7 @@ impl<T: Tracer> DeviceBackend<T> {
             Some(set) => set,
             None => {
                 let bound = canvas.bound();
-                let set = loaded.set(&self.null, &bound)?;
+                let set = loaded.set(&self.device, &self.null, &bound)?;
                 loaded.eyes.insert(set)
             }
         };
@@ -348,12 +348,12 @@ impl Canvas {
     }
 }
 
-/// The views of both eyes. Chords follow the finer of the two, since paths do not know their eye.
+/// The views of both eyes. Arcs follow the finer of the two, since paths do not know their eye.
 fn views<T>(loaded: &Loaded<T>, shots: &[Shot; 2], size: [u32; 2], options: EyeOptions) -> [View; 2] {
     let mut views = shots.map(|shot| Shot { size, samples: 1, ..shot }.view(&loaded.world));
-    let tolerance = views[0].chord_tolerance.min(views[1].chord_tolerance);
+    let tolerance = views[0].tolerance.min(views[1].tolerance);
     for view in &mut views {
-        view.chord_tolerance = tolerance;
+        view.tolerance = tolerance;
         view.bounces = options.bounces.unwrap_or(view.bounces).min(view.bounces);
     }
     views

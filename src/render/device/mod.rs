@@ -142,6 +142,11 @@ pub trait Tracer: Debug + Sized {
         eyes: u32,
     ) -> Result<(), VulkanError>;
 
+    /// Bytes that it needs for each pixel of a launch, as the array `bends`.
+    fn bytes_per_pixel(&self) -> u64 {
+        0
+    }
+
     /// Bytes of what it holds besides the bound buffers.
     fn memory(&self) -> u64 {
         0
@@ -308,8 +313,13 @@ fn fill_up(bound: &mut Vec<Bound>, null: &Arc<Buffer>) {
 
 impl<T: Tracer> Loaded<T> {
     /// What the tracer's shaders read and write: the world, and the buffers of a picture.
-    fn set(&self, null: &Arc<Buffer>, picture: &[Bound]) -> Result<BufferSet, VulkanError> {
+    fn set(&self, device: &Device, null: &Arc<Buffer>, picture: &[Bound]) -> Result<BufferSet, VulkanError> {
         let mut bound = self.scene.clone();
+        let pixels = picture.iter().find(|b| b.binding == binding::pixels).map_or(0, |b| b.bytes / PIXEL_BYTES);
+        let bends = pixels * self.tracer.bytes_per_pixel();
+        if bends > 0 {
+            bound.push(Bound::whole(binding::bends, &Arc::new(Buffer::new(&device.context, "bends", bends)?)));
+        }
         bound.push(Bound::whole(binding::view, &self.view));
         bound.extend_from_slice(picture);
         if let Some((counts, _)) = &self.counters {
@@ -370,7 +380,8 @@ impl<T: Tracer> Picture<'_, T> {
         let context = &self.backend.device.context;
         let pixels = Arc::new(Buffer::new(context, "pixels", bytes)?);
         let readback = HostBuffer::new(context, "pixels", bytes, Direction::Readback)?;
-        let set = self.loaded.set(&self.backend.null, &[Bound::whole(binding::pixels, &pixels)])?;
+        let set =
+            self.loaded.set(&self.backend.device, &self.backend.null, &[Bound::whole(binding::pixels, &pixels)])?;
         let tracer = &self.loaded.tracer;
         // Drivers that compile at a pipeline's first dispatch do it for this empty one, so that the time of tracing
         // is that of tracing.

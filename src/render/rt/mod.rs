@@ -9,6 +9,9 @@
 //! boxes of quadrics, a top-level structure for each cell. In Euclidean space all copies of a mesh are instances of one
 //! structure; where isometries move the chart projectively each copy has its own vertices, so its own structure.
 //!
+//! **Curved geodesics.** The device traces the chords of arcs, among boxes about the triangles that are larger by as much
+//! as an arc may bulge; an intersection shader meets the triangles with the arc.
+//!
 //! **Moving objects** ([`moving`]) are placed on the device and their structures refitted.
 //!
 //! **The same picture.** Traversal only selects a primitive; the hit itself is computed again from the primitive by the
@@ -26,7 +29,7 @@ use super::{
 };
 use crate::{
     geometry::GeometryId,
-    shader_io::{COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, Dispatch, LIST_WIDTH, Specialization},
+    shader_io::{COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, Dispatch, LIST_WIDTH, Specialization, types::vec3},
     vulkan::{
         Context, Tier, VulkanError,
         descriptor::{Bound, BufferSet, Layout},
@@ -91,9 +94,11 @@ pub(super) fn groups(world: &World) -> Vec<Group> {
     all.into_iter().filter(|(_, needed)| *needed).map(|(group, _)| group).collect()
 }
 
-fn shaders_of(group: Group) -> HitGroup<'static> {
+fn shaders_of(group: Group, straight: bool) -> HitGroup<'static> {
     let triangle = HitGroup { closest: "triangle.rchit", any: None, intersection: None };
     match group {
+        // Arcs meet triangles in the intersection shader, which knows of holes as well.
+        Group::Opaque | Group::Masked if !straight => HitGroup { intersection: Some("triangle.rint"), ..triangle },
         Group::Opaque => triangle,
         Group::Masked => HitGroup { any: Some("mask.rahit"), ..triangle },
         Group::Quadric => HitGroup { closest: "quadric.rchit", any: None, intersection: Some("quadric.rint") },
@@ -105,7 +110,8 @@ impl Rt {
         let recursive = variant.recursion_depth > 1;
         let transport = if recursive { "recursive.rmiss" } else { "transport.rmiss" };
         let misses = [transport, "shadow.rmiss"];
-        let groups: Vec<HitGroup<'_>> = groups(world).into_iter().map(shaders_of).collect();
+        let groups: Vec<HitGroup<'_>> =
+            groups(world).into_iter().map(|group| shaders_of(group, world.geometry.is_straight())).collect();
         TracePipeline::new(
             context,
             &TraceShaders {
@@ -176,6 +182,10 @@ impl Tracer for Rt {
             [across, down, eyes]
         };
         recorder.trace(&self.pipeline, &self.table, set, tile, extent)
+    }
+
+    fn bytes_per_pixel(&self) -> u64 {
+        if self.variant.geometry.is_straight() { 0 } else { size_of::<vec3>() as u64 }
     }
 
     fn memory(&self) -> u64 {

@@ -10,7 +10,7 @@ use super::{
             meshes::{Part, RestMesh},
         },
     },
-    scene::{HitRecord, geometries},
+    scene::{HitRecord, Triangles, geometries},
 };
 use crate::{
     shader_io::{self as io, PLACE_GROUP, Placement, RestVertex, binding},
@@ -21,7 +21,7 @@ use crate::{
         record::Access,
         shader::{ComputePipeline, ComputeShader},
         tracing::{
-            bottom::{Blueprint, BottomLevel, Shapes},
+            bottom::{Blueprint, BottomLevel},
             table::Record,
             top::{IDENTITY, Instance},
         },
@@ -95,12 +95,12 @@ impl MovingMeshes {
         slots
     }
 
-    /// Brings the meshes at rest to the device. `triangles` are corners and shading data of all triangles.
+    /// Brings the meshes at rest to the device.
     pub fn new(
         device: &mut Device,
         world: &World,
         slots: Slots,
-        triangles: &[Arc<Buffer>; 2],
+        triangles: &Triangles,
         records: &mut Vec<Record<HitRecord>>,
     ) -> Result<Self, RenderError> {
         let (mut vertices, mut corners) = (Vec::new(), Vec::new());
@@ -119,11 +119,12 @@ impl MovingMeshes {
                 let record = records.len() as u32;
                 records.extend(own);
                 let offset = (first_triangle * size_of::<io::TriangleShading>()) as u64;
-                triangles[1].upload_at(&mut device.submitter, offset, cast_slice(&shading))?;
+                triangles.shading.upload_at(&mut device.submitter, offset, cast_slice(&shading))?;
+                let (shapes, buffer) = triangles.shapes();
                 let blueprint = Blueprint {
                     name: format!("copy {slot} of moving object {}", rest.object),
-                    shapes: Shapes::Triangles,
-                    buffer: triangles[0].clone(),
+                    shapes,
+                    buffer,
                     parts,
                     moves: true,
                 };
@@ -179,6 +180,7 @@ impl MovingMeshes {
                 first_corner: mesh.first_corner,
                 first_triangle: slot.first_triangle,
                 count: mesh.rest.triangles.len() as u32,
+                margin: world.sagitta as f32,
             }));
         }
         let (pipeline, set) = (&placer.pipeline, &placer.set);
@@ -248,15 +250,17 @@ impl Placer {
         world: &World,
         vertices: &[RestVertex],
         corners: &[u32],
-        [corners_placed, shading]: &[Arc<Buffer>; 2],
+        triangles: &Triangles,
     ) -> Result<Self, RenderError> {
         let mut bound = device.upload(&[
             (binding::rest, "vertices at rest", cast_slice(vertices)),
             (binding::rest_corners, "corners at rest", cast_slice(corners)),
         ])?;
         let [vertices, corners] = [0, 1].map(|i| bound[i].buffer.clone());
-        bound.push(Bound::whole(binding::placed, corners_placed));
-        bound.push(Bound::whole(binding::placed_shading, shading));
+        bound.push(Bound::whole(binding::placed, &triangles.corners));
+        bound.push(Bound::whole(binding::placed_shading, &triangles.shading));
+        // The shader text names the boxes everywhere.
+        bound.push(Bound::whole(binding::placed_boxes, triangles.boxes.as_ref().unwrap_or(&triangles.shading)));
         let pipeline = ComputePipeline::new(
             &device.context,
             &ComputeShader {

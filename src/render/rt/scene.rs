@@ -3,12 +3,9 @@
 use super::{
     super::{
         RenderError, StructureStats,
-        device::{
-            Device,
-            pack::{self, Array},
-        },
+        device::{Device, pack},
         plan::Feature,
-        world::{World, WorldQuadric, meshes::Part},
+        world::{World, meshes::Part},
     },
     Group, groups,
     moving::MovingMeshes,
@@ -27,7 +24,7 @@ use crate::{
     },
 };
 use bytemuck::cast_slice;
-use glam::DAffine3;
+use glam::{DAffine3, DVec3};
 use std::{ops::Range, sync::Arc};
 
 /// What hit shaders read from their record: twin of `HitRecord` in `shaders/trace/payload.glsl`.
@@ -49,6 +46,8 @@ pub struct RtScene {
     still: Still,
     quadrics: Option<Quadrics>,
     moving: MovingMeshes,
+    /// About triangles, where segments are arcs.
+    boxes: Option<Arc<Buffer>>,
     tops: Vec<TopLevel>,
     stats: StructureStats,
 }
@@ -62,6 +61,27 @@ pub struct Built {
     pub bound: Vec<Bound>,
     /// Hit records, by which instances name their geometries.
     pub records: Vec<Record<HitRecord>>,
+}
+
+/// Triangles of all meshes on the device.
+#[derive(Debug)]
+pub struct Triangles {
+    /// Corners.
+    pub corners: Arc<Buffer>,
+    /// Shading data.
+    pub shading: Arc<Buffer>,
+    /// Boxes about them, where segments are arcs.
+    pub boxes: Option<Arc<Buffer>>,
+}
+
+impl Triangles {
+    /// What structures are built from.
+    pub fn shapes(&self) -> (Shapes, Arc<Buffer>) {
+        match &self.boxes {
+            Some(boxes) => (Shapes::Boxes, boxes.clone()),
+            None => (Shapes::Triangles, self.corners.clone()),
+        }
+    }
 }
 
 /// Meshes that rest.
@@ -109,13 +129,15 @@ impl RtScene {
         let mut stats = StructureStats::default();
         let mut still = Still::default();
         let mut moving = MovingMeshes::default();
+        let mut boxes = None;
         if world.plan.uses(Feature::Meshes) {
             let slots = MovingMeshes::slots(world);
-            let triangles = triangles(device, world, slots.triangles())?;
-            still = Still::new(device, world, &triangles[0], &mut records, &mut stats)?;
+            let triangles = Triangles::new(device, world, slots.triangles())?;
+            still = Still::new(device, world, &triangles, &mut records, &mut stats)?;
             moving = MovingMeshes::new(device, world, slots, &triangles, &mut records)?;
-            bound.push(Bound::whole(binding::triangles, &triangles[0]));
-            bound.push(Bound::whole(binding::triangle_shading, &triangles[1]));
+            bound.push(Bound::whole(binding::triangles, &triangles.corners));
+            bound.push(Bound::whole(binding::triangle_shading, &triangles.shading));
+            boxes = triangles.boxes;
         }
         let quadrics = if world.plan.uses(Feature::Quadrics) {
             let quadrics = Quadrics::new(device, world, &mut records, &mut stats)?;
@@ -133,7 +155,7 @@ impl RtScene {
         }
         let addresses: Vec<uvec2> = tops.iter().map(TopLevel::address).collect();
         bound.extend(device.upload(&[(binding::scenes, "scenes", cast_slice(&addresses))])?);
-        let mut scene = Self { still, quadrics, moving, tops, stats };
+        let mut scene = Self { still, quadrics, moving, boxes, tops, stats };
         scene.moving.pose(device, world, &mut scene.stats)?;
         scene.build_tops(device)?;
         Ok(Built { scene: Some(scene), bound, records })
@@ -185,7 +207,8 @@ impl RtScene {
         let quadrics = self.quadrics.as_ref().map_or(0, |quadrics| {
             quadrics.boxes.size() + quadrics.structures.iter().flatten().map(BottomLevel::bytes).sum::<u64>()
         });
-        still + quadrics + self.moving.memory() + self.tops.iter().map(TopLevel::bytes).sum::<u64>()
+        let boxes = self.boxes.as_ref().map_or(0, |boxes| boxes.size());
+        still + quadrics + boxes + self.moving.memory() + self.tops.iter().map(TopLevel::bytes).sum::<u64>()
     }
 
     /// Numbers for `--stats`; the table is not known here.
@@ -201,26 +224,31 @@ impl RtScene {
     }
 }
 
-/// Corners and shading data of the triangles that rest, with room for those that move behind them.
-fn triangles(device: &mut Device, world: &World, room: usize) -> Result<[Arc<Buffer>; 2], RenderError> {
-    let corners = pack::triangles(&world.still);
-    let arrays: [Array<'_>; 2] = [
-        (binding::triangles, "triangles", cast_slice(&corners)),
-        (binding::triangle_shading, "triangle shading", cast_slice(&world.still.shading)),
-    ];
-    let sizes = [size_of::<io::Triangle>(), size_of::<io::TriangleShading>()];
-    let mut buffers = Vec::with_capacity(2);
-    for ((_, name, bytes), size) in arrays.into_iter().zip(sizes) {
-        let all = bytes.len() as u64 + (room * size) as u64;
-        if all > device.limit() {
-            return Err(device.too_large(name, all));
-        }
-        let buffer = Buffer::with_usage(&device.context, name, all, INPUT_USAGE, 16)?;
-        buffer.upload(&mut device.submitter, bytes)?;
-        buffers.push(Arc::new(buffer));
+impl Triangles {
+    /// The triangles that rest, with room for those that move behind them.
+    fn new(device: &mut Device, world: &World, room: usize) -> Result<Self, RenderError> {
+        let corners = pack::triangles(&world.still);
+        let mut make = |name: &'static str, bytes: &[u8], size: usize| {
+            let all = bytes.len() as u64 + (room * size) as u64;
+            if all > device.limit() {
+                return Err(device.too_large(name, all));
+            }
+            let buffer = Buffer::with_usage(&device.context, name, all, INPUT_USAGE, 16)?;
+            buffer.upload(&mut device.submitter, bytes)?;
+            Ok(Arc::new(buffer))
+        };
+        Ok(Self {
+            corners: make("triangles", cast_slice(&corners), size_of::<io::Triangle>())?,
+            shading: make("triangle shading", cast_slice(&world.still.shading), size_of::<io::TriangleShading>())?,
+            boxes: if world.geometry.is_straight() {
+                None
+            } else {
+                let boxes: Vec<io::Box> =
+                    world.still.triangles.iter().map(|t| box_of_triangle(t, world.sagitta)).collect();
+                Some(make("boxes", cast_slice(&boxes), size_of::<io::Box>())?)
+            },
+        })
     }
-    let [corners, shading] = [buffers.remove(0), buffers.remove(0)];
-    Ok([corners, shading])
 }
 
 /// Geometries of a structure over some runs of triangles, and their hit records.
@@ -228,7 +256,9 @@ pub(super) fn geometries(world: &World, parts: &[Part]) -> (Vec<bottom::Part>, V
     let groups = groups(world);
     let index = |group: Group| groups.iter().position(|g| *g == group).unwrap_or(0);
     let geometry = |part: &Part| {
+        // Where an intersection shader meets triangles it looks for holes itself.
         let masked = world.plan.uses(Feature::AlphaMask)
+            && world.geometry.is_straight()
             && world.materials.get(part.material as usize).is_some_and(|m| m.alpha_cutoff.is_some());
         let (first, count) = (part.triangles.start as u32, part.triangles.len() as u32);
         let group = index(if masked { Group::Masked } else { Group::Opaque });
@@ -242,7 +272,7 @@ impl Still {
     fn new(
         device: &mut Device,
         world: &World,
-        triangles: &Arc<Buffer>,
+        triangles: &Triangles,
         records: &mut Vec<Record<HitRecord>>,
         stats: &mut StructureStats,
     ) -> Result<Self, RenderError> {
@@ -257,16 +287,20 @@ impl Still {
             let record = records.len() as u32;
             records.extend(own);
             let shared = copy.image_of.filter(|(first, _)| {
-                // Another material may make holes, and then the structure is another one.
-                *first < index && known[*first].1 == opaque && copies[*first].len() == copy.len()
+                // Another material may make holes, and then the structure is another one; and the image of a box is none.
+                triangles.boxes.is_none()
+                    && *first < index
+                    && known[*first].1 == opaque
+                    && copies[*first].len() == copy.len()
             });
             let (structure, transform) = match shared {
                 Some((first, map)) => (known[first].0, rows(&map)),
                 None => {
+                    let (shapes, buffer) = triangles.shapes();
                     blueprints.push(Blueprint {
                         name: format!("mesh copy {index}"),
-                        shapes: Shapes::Triangles,
-                        buffer: triangles.clone(),
+                        shapes,
+                        buffer,
                         parts,
                         moves: false,
                     });
@@ -291,15 +325,15 @@ fn rows(map: &DAffine3) -> [[f32; 4]; 3] {
     [0, 1, 2].map(|i| [m.x_axis[i], m.y_axis[i], m.z_axis[i], t[i]].map(|x| x as f32))
 }
 
-/// Boxes are larger than what is in them by this, in units of the chart's coordinates: the rounding of f32.
-const BOX_SLACK: f64 = 4e-6;
+/// A box with room for the rounding of f32, and some more on all sides.
+fn box_about(lower: DVec3, upper: DVec3, margin: f64) -> io::Box {
+    let slack = |x: DVec3| x.abs() * f64::from(io::BOX_SLACK) + f64::from(io::BOX_SLACK) + margin;
+    io::Box { lower: pack::vec3(lower - slack(lower)), upper: pack::vec3(upper + slack(upper)) }
+}
 
-fn box_of(quadric: &WorldQuadric) -> [f32; 6] {
-    let slack = |x: glam::DVec3| x.abs() * BOX_SLACK + BOX_SLACK;
-    let lower = quadric.bounds.lower - slack(quadric.bounds.lower);
-    let upper = quadric.bounds.upper + slack(quadric.bounds.upper);
-    let [a, b] = [lower, upper].map(pack::vec3);
-    [a[0], a[1], a[2], b[0], b[1], b[2]]
+/// Twin: `shaders/entry/place.comp`.
+fn box_of_triangle([a, b, c]: &[DVec3; 3], margin: f64) -> io::Box {
+    box_about(a.min(*b).min(*c), a.max(*b).max(*c), margin)
 }
 
 impl Quadrics {
@@ -328,7 +362,7 @@ impl Quadrics {
             Ok(Arc::new(Buffer::with_usage(&device.context, name, bytes, INPUT_USAGE, 16)?))
         };
         let mut quadrics = Self {
-            boxes: make("quadric boxes", size_of::<[f32; 6]>())?,
+            boxes: make("quadric boxes", size_of::<io::Box>())?,
             surfaces: make("quadrics", size_of::<io::Quadric>())?,
             shading: make("quadric shading", size_of::<io::QuadricShading>())?,
             structures: Vec::new(),
@@ -349,7 +383,7 @@ impl Quadrics {
         let end = self.places.last().map_or(0, |range| range.end);
         let mut surfaces = vec![io::Quadric::default(); end];
         let mut shading = vec![io::QuadricShading::default(); end];
-        let mut boxes = vec![[0.0_f32; 6]; end];
+        let mut boxes = vec![io::Box::default(); end];
         let mut counts = vec![0; self.places.len()];
         for quadric in &world.quadrics {
             let at = self.places[quadric.cell].start + counts[quadric.cell];
@@ -359,7 +393,7 @@ impl Quadrics {
             counts[quadric.cell] += 1;
             surfaces[at] = pack::quadric(quadric);
             shading[at] = pack::quadric_shading(quadric);
-            boxes[at] = box_of(quadric);
+            boxes[at] = box_about(quadric.bounds.lower, quadric.bounds.upper, 0.0);
         }
         self.surfaces.upload(&mut device.submitter, cast_slice(&surfaces))?;
         self.shading.upload(&mut device.submitter, cast_slice(&shading))?;

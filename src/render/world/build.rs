@@ -14,7 +14,7 @@ use crate::{
     scene::{Object, Place, Scene, Shape},
     space::{deck, domain::Domain, observer::Frame, polyhedron::Polyhedron, reduce::reduce_frame},
 };
-use glam::{DMat3, DQuat, DVec4};
+use glam::{DMat3, DQuat, DVec3, DVec4};
 use std::{
     collections::HashMap,
     sync::{Arc, OnceLock},
@@ -133,6 +133,7 @@ impl<'a, G: Geometry> Builder<'a, G> {
         let is_quadric = |object: &Object| !matches!(object.shape, Shape::Mesh(_));
         let quadrics_move = self.scene.objects.iter().any(|object| is_quadric(object) && object.moves());
         let (lights, light_ranges) = self.lights()?;
+        let sagitta = sagitta(self.meshes.triangles.iter());
         let mut domain = self.domain;
         if self.plan.uses(Feature::Labels) {
             let bounces = self.scene.settings.bounces;
@@ -154,6 +155,7 @@ impl<'a, G: Geometry> Builder<'a, G> {
                 Arc::default()
             },
             lights: Arc::new(lights),
+            sagitta,
             posed: OnceLock::new(),
             quadrics_move: !matches!(self.motions, Motions::Frozen) && quadrics_move,
             hierarchy: OnceLock::new(),
@@ -176,6 +178,7 @@ impl<'a, G: Geometry> Builder<'a, G> {
             materials: last.materials.clone(),
             textures: last.textures.clone(),
             lights: last.lights.clone(),
+            sagitta: last.sagitta,
             posed: OnceLock::new(),
             quadrics_move: last.quadrics_move,
             hierarchy: OnceLock::new(),
@@ -358,6 +361,21 @@ impl<'a, G: Geometry> Builder<'a, G> {
             .collect();
         Ok((per_cell.concat(), ranges))
     }
+}
+
+/// How far arcs may bulge: a device's boxes are as much larger than their triangles. So it is half of the size that most
+/// triangles have, but not so little that it would cut the arcs of a cell with fine meshes.
+fn sagitta<'a>(triangles: impl Iterator<Item = &'a [DVec3; 3]>) -> f64 {
+    const LEAST: f64 = 1.0 / 64.0;
+    let size = |[a, b, c]: &[DVec3; 3]| (a.max(*b).max(*c) - a.min(*b).min(*c)).max_element();
+    let mut sizes: Vec<f64> = triangles.map(size).filter(|size| size.is_finite()).collect();
+    let middle = sizes.len() / 2;
+    if sizes.is_empty() {
+        return LEAST;
+    }
+    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
+    // As f32, so that all backends have the same number.
+    f64::from((0.5 * *median).max(LEAST) as f32)
 }
 
 /// The closeness of points at a distance; less than that of any two points where none are so far apart.

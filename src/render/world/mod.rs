@@ -50,6 +50,8 @@ pub struct World {
     pub textures: Arc<Vec<Texture>>,
     /// Light images of all cells; cells hold ranges.
     pub lights: Arc<Vec<WorldLight>>,
+    /// Largest way from the chord of a segment to its arc, in units of the chart ([`crate::space::walk::Follow`]).
+    pub sagitta: f64,
     /// [`World::meshes`] where something moves.
     posed: OnceLock<Meshes>,
     quadrics_move: bool,
