@@ -52,6 +52,8 @@
 //! | how a ray passes a face | [`space::walk`], `shaders/stage/walk.glsl` |
 //! | the proof that a gluing closes | [`space::check`] |
 //! | a structure that shaders read | [`shader_io`] |
+//! | what a headset shows, and how a session ends | [`view::xr`] |
+//! | where eyes and hands of a player are | [`space::body`] |
 //! | an option of the command line | [`cli`] |
 //!
 //! # Recipes

@@ -80,6 +80,9 @@ pub(super) fn run(args: &VrArgs) -> Outcome {
     let session_options = SessionOptions { size, unit_in_metres, read: args.save_eyes.is_some() };
     let mut session = headset.session(&context, &session_options).map_err(failure)?;
     player.set_images(session.encoding, session.depth);
+    // Drivers compile before the session begins, so that no frame waits for them.
+    player.hide(session.hidden());
+    player.warm_up().map_err(failure)?;
     let _ = writeln!(
         std::io::stderr(),
         "{} by {}, {} x {} pixels for each eye; {reason}",
@@ -88,8 +91,6 @@ pub(super) fn run(args: &VrArgs) -> Outcome {
         size[0],
         size[1]
     );
-    player.hide(session.hidden());
-    player.warm_up().map_err(failure)?;
     let limits = Limits { frames: args.frames, asleep: Duration::from_secs_f64(args.wait) };
     let (report, ended) = frames::run(&mut session, &mut player, limits);
     let depth = session.depth.is_some();

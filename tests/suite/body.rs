@@ -375,7 +375,7 @@ fn body_sees_balls_with_two_eyes_as_the_geometry_says() {
             body.track(&domain, head).expect("the head moves");
             let there = RoomPose { position: head.position + head.rotation * ahead * distance, ..head };
             let ball = body.place(&domain, there).expect("the ball is placed");
-            let radius = 0.012 * distance;
+            let radius = 0.01 * distance;
             let scene = ball_scene(entry.id, ball, radius);
             let see = |side: f64, roll_of_eyes: f64| {
                 let canted = DQuat::from_rotation_y(-side * cant);
@@ -388,7 +388,7 @@ fn body_sees_balls_with_two_eyes_as_the_geometry_says() {
                 let theory = visit(entry.id, Towards { from: eye, to: ball });
                 // A window that holds the ball, off its middle and off the view axis.
                 let (x, y) = (-theory.x / theory.z, -theory.y / theory.z);
-                let tangents = [x - 0.030, x + 0.034, y - 0.033, y + 0.028];
+                let tangents = [x - 0.017, x + 0.020, y - 0.019, y + 0.018];
                 let shot = Shot { eye, tangents, size: [SIDE; 2], samples: 1, seed: 0 };
                 (pose.rotation * middle(&scene, &shot), pose.rotation * theory)
             };

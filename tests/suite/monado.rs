@@ -401,17 +401,16 @@ fn remote(monado: &Monado, backend: &str) {
         let (own, turn) = (axes(before), turn(before).inverse());
         let in_eye = turn * step / 2.0;
         let expected = own[0] * in_eye.x + own[1] * in_eye.y + own[2] * in_eye.z;
-        assert!(
-            (point(after) - point(before) - expected).length() < 1e-5,
-            "{} for {expected}",
-            point(after) - point(before)
-        );
+        let way = point(after) - point(before);
+        assert!((way - way.round() - expected).length() < 1e-5, "{way} for {expected}");
     }
     // A trigger pulls the player along, the stick turns him, and a button takes him back.
     let pulled = Told { trigger: [0.0, 1.0], ..first };
-    let pull = look("pulled", &pulled, "12", &mut remote);
+    let pull = look("pulled", &pulled, "4", &mut remote);
     assert_eq!(pull[0]["room"]["forward"][1], 1.0);
+    // Through a face one comes back at the other end of the cube.
     let way = point(&pull[0]) - point(&eyes[0]);
+    let way = way - way.round();
     let aim = quaternion(&pull[0]["room"]["aims"][1]["rotation"]) * DVec3::NEG_Z;
     let in_eye = turn(&eyes[0]).inverse() * aim;
     let own = axes(&eyes[0]);
@@ -471,7 +470,7 @@ fn monado_killed_at_random_moments() {
     let mut ends = Vec::new();
     for round in 0..20 {
         let Some(monado) = Monado::simulated() else { return };
-        let args = ["vr", "torus", "--backend", "compute", "--resolution-scale", "0.05", "--bounces", "2"];
+        let args = ["vr", "torus", "--backend", "compute", "--resolution-scale", "0.05", "--bounces", "2", "--bare"];
         let mut program = monado.program(&[&args[..], &["--stats", "stats.json", "--save-eyes", "eyes"]].concat());
         // Three of four in a session.
         if round % 4 != 0 {
@@ -497,7 +496,8 @@ fn monado_killed_at_random_moments() {
     ends.sort();
     ends.dedup();
     eprintln!("killed: {ends:#?}");
-    assert!(ends.iter().any(|line| line.starts_with("the OpenXR runtime is gone after")), "{ends:?}");
+    let in_frames = |line: &String| line.starts_with("the OpenXR runtime is gone after") && !line.contains(" 0 frames");
+    assert!(ends.iter().any(in_frames), "some are killed between frames: {ends:?}");
 }
 
 /// A runtime that stops answering, and one that is not there.

@@ -561,3 +561,86 @@ fn xr_refuses_poses_that_are_none() {
     assert!(!eye([-1.6, 0.7, -0.8, 0.8]).is_sound(), "more than half a turn");
     assert!(!eye([f64::NAN; 4]).is_sound());
 }
+
+/// What is refused is refused before a runtime is looked for, and a machine without one says so.
+#[test]
+fn xr_refusals_and_machines_without_a_runtime() {
+    let place = tempfile::tempdir().expect("a folder");
+    let vr = |args: &[&str]| {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_holonomy"))
+            .arg("vr")
+            .args(args)
+            .current_dir(place.path())
+            .env("XR_RUNTIME_JSON", place.path().join("nothing.json"))
+            .env("XDG_RUNTIME_DIR", place.path())
+            .output()
+            .expect("it runs");
+        let words = String::from_utf8(output.stderr).expect("text");
+        let own = words.lines().filter_map(|line| line.strip_prefix("holonomy: ")).next_back();
+        (output.status.code(), own.unwrap_or_default().to_owned())
+    };
+    for (args, words) in [
+        (&["torus", "--backend", "cpu"][..], "--backend cpu draws no frames for a headset: use rt, compute or auto"),
+        (&["toros"], "toros: no such file, and no scene of this name: did you mean \"torus\"?"),
+        (
+            &["torus", "--resolution-scale", "7"],
+            "invalid value '7' for '--resolution-scale <SHARE>': expected a number from 0.05 to 2",
+        ),
+        (&["torus", "--stats", "nowhere/stats.json"], "nowhere/stats.json: there is no folder nowhere"),
+    ] {
+        let (code, line) = vr(args);
+        assert_eq!((code, line.as_str()), (Some(1), words), "{args:?}");
+    }
+    let (code, line) = vr(&["torus", "--frames", "1", "--stats", "stats.json"]);
+    assert_eq!(code, Some(2), "{line}");
+    assert!(line.starts_with("no OpenXR"), "{line}");
+    assert_eq!(std::fs::read_dir(place.path()).expect("a folder").count(), 0, "nothing is left lying about");
+}
+
+/// A device that is lost in the middle of a frame is told, call by call, and nothing is drawn without a scene.
+#[test]
+fn xr_eyes_tell_of_a_lost_device() {
+    use crate::support::gpu_turn;
+    use ash::vk::Result as Code;
+    use holonomy::{
+        render::{
+            Backend, Shot,
+            compute::ComputeBackend,
+            device::eyes::{EyeBackend, EyeLayout, EyeOptions},
+            plan::{Plan, Purpose},
+            world::{Pose, World},
+        },
+        scene::file,
+        vulkan::Context,
+    };
+    let Some((_turn, options)) = gpu_turn() else { return };
+    let (faults, messages) = (options.faults.clone(), options.messages.clone());
+    let context = Context::new(&options).expect("a device");
+    let mut backend = ComputeBackend::new(&context).expect("a backend");
+    let scene = file::load("torus").expect("a scene");
+    let plan = Plan::new(&scene, false).serving(Purpose::Eyes { listed: false });
+    let pose = Pose::new(scene.observer.frame, 0.0);
+    let world = std::sync::Arc::new(World::moving(&scene, &plan, pose).expect("a world"));
+    let size = [24, 16];
+    let layout = EyeLayout { size, largest: size, encoding: Encoding::Rgba16F, depth: None, rays: Rays::All };
+    let shot = Shot { eye: pose.observer, tangents: [-1.0, 0.8, -0.9, 0.9], size, samples: 1, seed: 0 };
+    let options = EyeOptions { bounces: Some(2), together: true, read_back: false };
+    assert_eq!(backend.set_eyes(layout.clone()).expect_err("no scene").to_string(), "no scene is loaded");
+    backend.load(&world).expect("loaded");
+    backend.set_eyes(layout).expect("set");
+    let together = backend.draw_eyes(&[shot; 2], None, options).expect("drawn");
+    let apart = backend.draw_eyes(&[shot; 2], None, EyeOptions { together: false, ..options }).expect("drawn");
+    assert!(together.dispatches > 0 && apart.dispatches >= 2);
+    for call in ["vkQueueSubmit", "vkWaitForFences", "vkResetCommandPool"] {
+        faults.fail(call, 1, Code::ERROR_DEVICE_LOST);
+        let error = backend.draw_eyes(&[shot; 2], None, options).expect_err("the device is lost").to_string();
+        assert!(
+            error.starts_with(call) && error.ends_with("ERROR_DEVICE_LOST") && error.lines().count() == 1,
+            "{error}"
+        );
+        faults.clear();
+        backend.draw_eyes(&[shot; 2], None, options).expect("drawn again");
+    }
+    drop((backend, context));
+    assert_eq!(messages.all(), Vec::<String>::new());
+}

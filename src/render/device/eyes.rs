@@ -335,14 +335,13 @@ impl Canvas {
             }
             Rays::Listed(list) => {
                 let (first, all) = (list.of_first as u32, list.rays.len() as u32);
-                let runs = if together { vec![0..all] } else { vec![0..first, first..all] };
-                let of = |run: std::ops::Range<u32>| {
-                    let end = run.end;
-                    slices(run, GROUP_WIDTH * GROUP_HEIGHT).into_iter().map(move |(start, step)| {
+                let ends = if together { vec![(0, all)] } else { vec![(0, first), (first, all)] };
+                let of = |(start, end): (u32, u32)| {
+                    slices(start..end, GROUP_WIDTH * GROUP_HEIGHT).into_iter().map(move |(start, step)| {
                         (Dispatch { origin: [start, 0], extent: [step.min(end - start), 1], offset, eye: 0 }, 1)
                     })
                 };
-                runs.into_iter().flat_map(of).collect()
+                ends.into_iter().flat_map(of).collect()
             }
         }
     }
