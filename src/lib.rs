@@ -42,16 +42,20 @@
 //! ```
 //!
 //! # Map of the modules
-//! `geometry ← space ← scene ← render ← {view, cli}`, and `vulkan ← render`; a test reads the imports.
+//! `geometry ← integrate ← space ← scene ← render ← {view, measure} ← cli`, and `vulkan ← render`; a test reads the imports.
 //!
 //! | you want | look at |
 //! | --- | --- |
 //! | a formula of a geometry | `src/geometry/<name>.rs` and its twin `shaders/geometry/<name>.glsl` |
+//! | how geodesics are integrated | [`integrate`], [`space::stepped`], `shaders/shared/integrate.glsl`, `shaders/stage/stepped.glsl` |
 //! | what every geometry must satisfy | [`geometry::laws`] |
 //! | a named space | [`space::catalogue`] |
 //! | how a ray passes a face | [`space::walk`], `shaders/stage/walk.glsl` |
 //! | the proof that a gluing closes | [`space::check`] |
 //! | a structure that shaders read | [`shader_io`] |
+//! | the reference that errors are measured against | [`measure::reference`] |
+//! | a stiff or extreme case | [`measure::stability`] |
+//! | what is measured, tables and plots | [`measure`] |
 //! | what a headset shows, and how a session ends | [`view::xr`] |
 //! | where eyes and hands of a player are | [`space::body`] |
 //! | an option of the command line | [`cli`] |
@@ -74,6 +78,8 @@
 
 pub mod cli;
 pub mod geometry;
+pub mod integrate;
+pub mod measure;
 pub mod render;
 pub mod scene;
 pub mod shader_io;

@@ -87,6 +87,8 @@ structures! {
         bounces: uint,
         /// Cell in which the eye is.
         cell: uint,
+        /// Step or tolerance of the integrator.
+        integration: float,
     }
 
     /// What changes from dispatch to dispatch: push constants.
@@ -263,6 +265,10 @@ structures! {
         base_texture: uint,
         /// Index of the metallic-roughness texture (green roughness, blue metallic), or [`NONE`].
         surface_texture: uint,
+        /// Colour from place: the base colour is multiplied with this times the chart coordinates ...
+        coordinate_scale: vec3,
+        /// ... plus this, within 0 and 1.
+        coordinate_shift: vec3,
     }
 
     /// A texture in the texel buffer. Texels are linear RGBA as four halves, so that each backend filters the
@@ -312,7 +318,29 @@ structures! {
         op: uint,
     }
 
-    /// Its result.
+    /// A ray that meets nothing, between two pieces of its walk through the faces.
+    struct Walk {
+        /// Where it is, in the cell's coordinates.
+        point: vec4,
+        /// Unit tangent vector there.
+        velocity: vec4,
+        /// Geodesic length so far.
+        travelled: float,
+        /// The cell.
+        cell: uint,
+        /// Faces passed.
+        bounces: uint,
+        /// Segments begun.
+        segments: uint,
+        /// Deck element of the cell, or [`NONE`].
+        label: uint,
+        /// The piece ends when so many faces are passed.
+        until: uint,
+        /// 1 if no pairing brings it back into the domain, or no face ends it.
+        lost: uint,
+    }
+
+    /// The result of a [`ProbeIn`].
     struct ProbeOut {
         /// First result.
         a: vec4,
@@ -373,7 +401,7 @@ numbers! {
     ON_FACE: float = 2e-6;
     /// f32 counterpart of `geometry::ALONG_FACE`.
     ALONG_FACE: float = 1e-6;
-    /// Shadow rays start this far along the surface normal, in units of length.
+    /// Shadow rays start this far along the surface normal, and end as far before the light, in units of length.
     SHADOW_OFFSET: float = 5e-4;
     /// Segments reach this far beyond both ends, in chart units, so that a surface that passes through a face is
     /// met by the segment before the face or by the one behind it whatever the rounding.
@@ -508,6 +536,25 @@ numbers! {
     PROBE_LOWER: uint = 19;
     /// Probe: `geo_chart_vector`.
     PROBE_CHART_VECTOR: uint = 20;
+    /// Probe: `geo_unchart_vector`.
+    PROBE_UNCHART_VECTOR: uint = 21;
+    /// Probe: `geo_spray`.
+    PROBE_SPRAY: uint = 22;
+    /// Probe: `integrate_step` of length `t` with the method in `c.x`, at the share `c.y`.
+    PROBE_STEP: uint = 23;
+    /// Probe: `integrate_follow` for length `t` with the method in `c.x` and its parameter in `c.y`.
+    PROBE_FOLLOW: uint = 24;
+
+    /// Integrator: the geometry's own flow.
+    INTEGRATOR_EXACT: uint = 0;
+    /// Integrator: Euler's method.
+    INTEGRATOR_EULER: uint = 1;
+    /// Integrator: Runge and Kutta's method of order 4.
+    INTEGRATOR_RK4: uint = 2;
+    /// Integrator: Dormand and Prince's method of order 5.
+    INTEGRATOR_DOPRI5: uint = 3;
+    /// Most steps of one geodesic of the probe.
+    INTEGRATE_STEPS: uint = 1_000_000;
 }
 
 /// Declares specialization constants with the ids 0, 1, 2, … for both sides.
@@ -515,7 +562,7 @@ macro_rules! specialization {
     ($($(#[doc = $doc:literal])* $name:ident: $type:ident = $default:literal;)*) => {
         /// Values of the specialization constants, in the order of their ids; booleans are 0 or 1.
         #[repr(C)]
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
         #[allow(non_snake_case)]
         pub struct Specialization { $($(#[doc = $doc])* pub $name: u32,)* }
 
@@ -549,6 +596,8 @@ specialization! {
     alpha_mask: bool = true;
     /// A material has a texture.
     textures: bool = true;
+    /// A material is coloured by place.
+    coordinates: bool = true;
     /// There are point lights.
     lights: bool = true;
     /// A point light throws shadows.
@@ -565,6 +614,8 @@ specialization! {
     counters: bool = true;
     /// One of the `SHADING_` numbers.
     shading: uint = 0;
+    /// One of the `INTEGRATOR_` numbers.
+    integrator: uint = 0;
     /// Eyes of a headset: a pixel has one sample, and its fourth number is the distance of what is seen.
     eyes: bool = false;
     /// Only the pixels of a list have rays.
@@ -641,14 +692,18 @@ bindings! {
     23 placed_boxes: writeonly Box;
     /// Bends of the segments in flight, one for each invocation of a launch.
     24 bends: coherent vec3;
+    /// Rays walked without a scene.
+    25 walks: restrict Walk;
+    /// The faces that each of them passes: as many for each as there is room for.
+    26 passages: writeonly uint;
     /// Pixels that have rays: column, row and eye in the bits of a word.
-    25 rays: readonly uint;
+    27 rays: readonly uint;
     /// Pixels in a row that share a ray, for each square of [`RATE_TILE`] pixels of each eye.
-    26 rates: readonly uint;
+    28 rates: readonly uint;
     /// Pixels of the eyes as the image wants them: one or two words each.
-    27 packed: writeonly uint;
+    29 packed: writeonly uint;
     /// Depths of the eyes.
-    28 depths: writeonly float;
+    30 depths: writeonly float;
 }
 
 /// Text of `shared/io.glsl`.

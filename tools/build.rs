@@ -24,6 +24,7 @@ const ENTRIES: &[&str] = &[
     "path.comp",
     "probe.comp",
     "place.comp",
+    "walk.comp",
     "resolve.comp",
     "raygen.rgen",
     "raygen_reorder.rgen",

@@ -4,6 +4,7 @@
 #include "shared/types.glsl"
 #include "shared/math.glsl"
 #include "GEOMETRY"
+#include "shared/integrate.glsl"
 
 layout(local_size_x = IO_PROBE_GROUP) in;
 
@@ -35,6 +36,15 @@ void main() {
     case IO_PROBE_BASE: r.point = geo_base(); break;
     case IO_PROBE_CHART_VECTOR: r.point.xyz = geo_chart_vector(q.a, q.b); break;
     case IO_PROBE_LOWER: r.point.xyz = geo_lower(q.a, q.b); break;
+    case IO_PROBE_UNCHART_VECTOR: r.point = geo_unchart_vector(q.a, q.b.xyz); break;
+    case IO_PROBE_SPRAY: r.point.xyz = geo_spray(q.a.xyz, q.b.xyz); break;
+    case IO_PROBE_STEP: {
+        Dense dense = integrate_step(uint(q.c.x), ChartState(q.a.xyz, q.b.xyz), q.t);
+        ChartState state = dense_at(dense, q.c.y);
+        r = Geodesic(vec4(state.c, 0.0), vec4(state.v, 0.0));
+        break;
+    }
+    case IO_PROBE_FOLLOW: r = integrate_follow(uint(q.c.x), q.c.y, g, q.t); break;
     }
     io_probe_out[i] = ProbeOut(r.point, r.velocity);
 }

@@ -21,7 +21,9 @@
 //   Geodesic geo_restore(Geodesic g)                        the state, back on the model
 //   vec3     geo_chart(vec4 p)                              chart coordinates
 //   vec4     geo_unchart(vec3 c)                            and back
-//   vec3     geo_chart_vector(vec4 p, vec4 v)               image of a tangent vector under the chart's differential
+//   vec4     geo_unchart_vector(vec4 p, vec3 dc)            the tangent vector at p with this image in the chart
+//   vec3     geo_chart_vector(vec4 p, vec4 v)               image of a tangent vector in the chart
+//   vec3     geo_spray(vec3 c, vec3 v)                      chart acceleration of the geodesic with chart velocity v
 //   vec4     geo_raise(vec4 p, vec3 conormal)               unit normal of a surface with this chart conormal
 //   vec3     geo_lower(vec4 p, vec4 v)                      chart conormal of a tangent vector: raise, up to length
 //   Geodesic geo_apply(Isometry m, Geodesic g)              image of the state under an isometry
@@ -103,8 +105,16 @@ vec4 geo_unchart(vec3 c) {
     return vec4(c, 1.0);
 }
 
+vec4 geo_unchart_vector(vec4 p, vec3 dc) {
+    return vec4(dc, 0.0);
+}
+
 vec3 geo_chart_vector(vec4 p, vec4 v) {
     return v.xyz;
+}
+
+vec3 geo_spray(vec3 c, vec3 v) {
+    return vec3(0.0);
 }
 
 vec4 geo_raise(vec4 p, vec3 conormal) {

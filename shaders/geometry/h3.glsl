@@ -32,9 +32,10 @@ Geodesic geo_flow(Geodesic g, float t) {
 
 vec4 geo_log(vec4 p, vec4 q, out float length_out) {
     vec4 difference = q - p;
-    length_out = 2.0 * m_asinh(0.5 * sqrt(max(h3_form(difference, difference), 0.0)));
     vec4 tangent = difference + p * h3_form(p, difference);
+    // sinh d. The chord is exact for near points, and far away a small difference of large squares.
     float norm = h3_norm(p, tangent);
+    length_out = norm > 1.0 ? m_asinh(norm) : 2.0 * m_asinh(0.5 * sqrt(max(h3_form(difference, difference), 0.0)));
     // At the base of nothing any direction serves: the coordinate direction that is parallel from the base point.
     return norm > 0.0 ? tangent / norm : vec4(1.0, 0.0, 0.0, 0.0) + (geo_base() + p) * (p.x / (1.0 + p.w));
 }
@@ -99,8 +100,17 @@ vec4 geo_unchart(vec3 c) {
     return vec4(c, 1.0) * inversesqrt((1.0 - r) * (1.0 + r));
 }
 
+vec4 geo_unchart_vector(vec4 p, vec3 dc) {
+    vec4 lifted = vec4(dc, 0.0);
+    return (lifted + p * h3_form(p, lifted)) * p.w;
+}
+
 vec3 geo_chart_vector(vec4 p, vec4 v) {
     return (v.xyz - geo_chart(p) * v.w) / p.w;
+}
+
+vec3 geo_spray(vec3 c, vec3 v) {
+    return v * (-2.0 * dot(c, v) / (1.0 - dot(c, c)));
 }
 
 vec4 geo_raise(vec4 p, vec3 conormal) {

@@ -196,8 +196,17 @@ vec4 geo_unchart(vec3 c) {
     return vec4(c, 1.0);
 }
 
+vec4 geo_unchart_vector(vec4 p, vec3 dc) {
+    return vec4(dc.xy, dc.z - p.x * dc.y, 0.0);
+}
+
 vec3 geo_chart_vector(vec4 p, vec4 v) {
     return vec3(v.xy, v.z + p.x * v.y);
+}
+
+vec3 geo_spray(vec3 c, vec3 v) {
+    float w = v.z - c.x * v.y;
+    return vec3(-w * v.y, w * v.x, v.x * v.y + c.x * w * v.x);
 }
 
 vec4 geo_raise(vec4 p, vec3 conormal) {

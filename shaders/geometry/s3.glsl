@@ -89,8 +89,17 @@ vec4 geo_unchart(vec3 c) {
     return normalize(vec4(c, 1.0));
 }
 
+vec4 geo_unchart_vector(vec4 p, vec3 dc) {
+    vec4 lifted = vec4(dc, 0.0);
+    return (lifted - p * dot(p, lifted)) * p.w;
+}
+
 vec3 geo_chart_vector(vec4 p, vec4 v) {
     return (v.xyz - geo_chart(p) * v.w) / p.w;
+}
+
+vec3 geo_spray(vec3 c, vec3 v) {
+    return v * (2.0 * dot(c, v) / (1.0 + dot(c, c)));
 }
 
 vec4 geo_raise(vec4 p, vec3 conormal) {

@@ -302,6 +302,22 @@ Geodesic geo_restore(Geodesic g) {
     return Geodesic(sl2_element(g.point.xyz), normalize(g.velocity));
 }
 
+vec4 geo_unchart_vector(vec4 p, vec3 dc) {
+    return vec4(inverse(sl2_chart_differential(p)) * dc, 0.0);
+}
+
+vec3 geo_spray(vec3 c, vec3 v) {
+    float square = 1.0 / ((1.0 - length(c.xy)) * (1.0 + length(c.xy)));
+    float w = sqrt(square);
+    vec2 x = c.xy * w;
+    vec2 a = w * (v.xy + x * (dot(x, v.xy) / (1.0 + w)));
+    float fibre = v.z - sl2_cross(a, x) / (1.0 + w);
+    vec2 turn = -sl2_perp(a);
+    vec2 bend = (turn - x * (dot(x, turn) / (w * (1.0 + w)))) * (fibre / w);
+    vec2 straight = -2.0 * square * dot(c.xy, v.xy) * v.xy;
+    return vec3(straight + bend, (2.0 * fibre - v.z) * dot(x, a) / (1.0 + w));
+}
+
 vec4 geo_raise(vec4 p, vec3 conormal) {
     return vec4(normalize(conormal * sl2_chart_differential(p)), 0.0);
 }
@@ -314,11 +330,29 @@ Geodesic geo_apply(Isometry m, Geodesic g) {
     vec4 p = g.point;
     vec4 base = m.linear * vec4(p.xy, 0.0, p.w);
     vec4 left = m.linear[3];
-    vec2 right = sl2_rotate(m.shift.z, p.xy);
+    // -1 for a mirror image, which turns the fibre round.
+    float round = m.linear[2].z;
+    vec2 right = sl2_rotate(m.shift.z, vec2(p.x, round * p.y));
     float angle = 2.0 * m_atan(sl2_cross(right, left.xy), (1.0 + left.w) * (1.0 + p.w) + dot(left.xy, right));
-    return Geodesic(vec4(base.xy, m.shift.z + p.z + angle, base.w), g.velocity);
+    return Geodesic(vec4(base.xy, m.shift.z + round * p.z + angle, base.w), g.velocity * vec4(1.0, round, round, 1.0));
+}
+
+// The image of a state on a plane over a line of the base under its reflection: the base is hardly moved.
+Geodesic sl2_reflected(vec4 plane, Geodesic g) {
+    vec4 p = g.point;
+    vec2 n = plane.xy;
+    float share = 2.0 / (dot(n, n) - plane.w * plane.w);
+    float step = share * (dot(n, p.xy) + plane.w * p.w);
+    // Where the origin goes, and the base reflected at the origin.
+    vec2 left = n * (-share * plane.w);
+    float left_w = 1.0 + share * plane.w * plane.w;
+    vec2 right = p.xy - n * (2.0 * dot(n, p.xy) / dot(n, n));
+    float angle = 2.0 * m_atan(sl2_cross(right, left), (1.0 + left_w) * (1.0 + p.w) + dot(left, right));
+    float fibre = 2.0 * m_atan(n.y, n.x) + M_PI - p.z + angle;
+    return Geodesic(vec4(p.xy - n * step, fibre, p.w + plane.w * step), g.velocity * vec4(1.0, -1.0, -1.0, 1.0));
 }
 
 Geodesic geo_cross(Isometry m, vec4 plane, Geodesic g) {
-    return geo_apply(m, g);
+    bool is_wall = plane.z == 0.0 && dot(plane.xy, plane.xy) > plane.w * plane.w;
+    return geo_apply(m, is_wall ? sl2_reflected(plane, g) : g);
 }

@@ -77,7 +77,7 @@ vec4 sl2_trace_point(vec3 c) {
 }
 
 // The tangent vector at p with chart components dc.
-vec4 sl2_trace_unchart_vector(vec4 p, vec3 dc) {
+vec4 geo_unchart_vector(vec4 p, vec3 dc) {
     float fourth = (dc.y * p.z + p.y * dc.z - (1.0 + p.w) * dc.x) / (1.0 + p.x);
     return sl2_trace_traceless(sl2_trace_adjugate(sl2_trace_matrix(p)) * mat2(dc.x, dc.z, dc.y, fourth));
 }
@@ -179,7 +179,7 @@ float geo_parameter(Geodesic g, vec3 c) {
     float s = 0.0;
     for (int i = 0; i < 12; i++) {
         Geodesic at = geo_flow(g, s);
-        vec3 off = sl2_trace_framed(sl2_trace_unchart_vector(at.point, c - at.point.xyz));
+        vec3 off = sl2_trace_framed(geo_unchart_vector(at.point, c - at.point.xyz));
         float step = dot(off, v) / max(dot(v, v), 1e-37);
         if (isinf(step) || isnan(step)) break;
         s += step;
@@ -204,6 +204,13 @@ vec3 geo_chart_vector(vec4 p, vec4 v) {
     return sl2_trace_entries(sl2_trace_matrix(p) * sl2_trace_algebra(v)).xyz;
 }
 
+vec3 geo_spray(vec3 c, vec3 v) {
+    float first = 1.0 + c.x;
+    float fourth = (v.y * c.z + c.y * v.z - v.x * (1.0 + c.y * c.z) / first) / first;
+    float q = v.y * v.z - v.x * fourth;
+    return vec3(first, c.yz) * q;
+}
+
 vec4 geo_raise(vec4 p, vec3 conormal) {
     vec3 along;
     for (int i = 0; i < 3; i++) {
@@ -216,7 +223,7 @@ vec4 geo_raise(vec4 p, vec3 conormal) {
 vec3 geo_lower(vec4 p, vec4 v) {
     vec3 lowered;
     for (int i = 0; i < 3; i++) {
-        lowered[i] = geo_inner(p, v, sl2_trace_unchart_vector(p, vec3(i == 0, i == 1, i == 2)));
+        lowered[i] = geo_inner(p, v, geo_unchart_vector(p, vec3(i == 0, i == 1, i == 2)));
     }
     return lowered;
 }

@@ -13,6 +13,7 @@ const float SOL_REACH = 85.0;  // beyond it e^z leaves f32
 
 // The series of e^2z, e^-2z and w from the identity.
 struct SolSeries {
+    int terms; // that a step needs
     float p[SOL_TERMS];
     float q[SOL_TERMS];
     float w[SOL_TERMS];
@@ -35,12 +36,15 @@ vec3 sol_relative(vec3 p, vec3 q) {
     return vec3(sol_stretch(-p.z, q.xy - p.xy), q.z - p.z);
 }
 
-SolSeries sol_series(vec3 v) {
+// Each order gains a factor of pi/2 over the step, so short steps need few.
+SolSeries sol_series(vec3 v, float step) {
+    float size = abs(step);
     SolSeries s;
+    s.terms = size > 0.25 ? SOL_TERMS : size > 0.125 ? 10 : size > 0.0625 ? 8 : 6;
     s.p[0] = 1.0;
     s.q[0] = 1.0;
     s.w[0] = v.z;
-    for (int k = 0; k < SOL_TERMS - 1; k++) {
+    for (int k = 0; k < s.terms - 1; k++) {
         float pw = 0.0;
         float qw = 0.0;
         for (int j = 0; j <= k; j++) {
@@ -59,7 +63,7 @@ SolSeries sol_series(vec3 v) {
 vec4 sol_chart(SolSeries s, vec3 v, float t) {
     vec3 end = vec3(0.0);
     float bend = 0.0;
-    for (int k = SOL_TERMS - 1; k >= 0; k--) {
+    for (int k = s.terms - 1; k >= 0; k--) {
         end = end * t + vec3(v.x * s.p[k], v.y * s.q[k], s.w[k]) / float(k + 1);
         if (k > 0) bend = bend * t + s.w[k];
     }
@@ -107,7 +111,7 @@ vec3 sol_velocity(SolTrack track) {
 
 void sol_step(inout SolTrack track, float t) {
     vec3 v = sol_velocity(track);
-    vec4 end = sol_chart(sol_series(v), v, t);
+    vec4 end = sol_chart(sol_series(v, t), v, t);
     track.point = sol_product(track.point, end.xyz);
     track.w += end.w;
 }
@@ -145,7 +149,7 @@ vec3 sol_differential(vec3 v, float t, out mat3 differential) {
     vec4 varied[3] = vec4[3](vec4(0.0), vec4(0.0), vec4(0.0, 0.0, 0.0, 1.0));
     for (float k = 0.0; k < count; k++) {
         vec3 here = sol_velocity(track);
-        SolSeries series = sol_series(here);
+        SolSeries series = sol_series(here, SOL_STEP);
         float rise = sol_exp(track.point.z);
         for (int i = 0; i < 3; i++) {
             vec2 momenta = vec2(i == 0 ? rise : 0.0, i == 1 ? 1.0 / rise : 0.0);
@@ -260,7 +264,7 @@ float geo_exit(Geodesic g, vec4 plane, float reach) {
     SolTrack track = SolTrack(g.velocity.xyz, vec3(0.0), g.velocity.z);
     for (float travelled = 0.0; travelled < min(reach, SOL_HORIZON); travelled += SOL_STEP) {
         vec3 v = sol_velocity(track);
-        SolSeries series = sol_series(v);
+        SolSeries series = sol_series(v, SOL_STEP);
         // In coordinates about the step's start |x''| = 2|uw| e^z with |uw| <= 1/2, and |z''| <= 1.
         n = vec3(sol_stretch(g.point.z + track.point.z, plane.xy), plane.z);
         float bend = (abs(n.x) + abs(n.y)) * 1.6487213 + abs(n.z);
@@ -333,8 +337,17 @@ vec4 geo_unchart(vec3 c) {
     return vec4(c, 1.0);
 }
 
+vec4 geo_unchart_vector(vec4 p, vec3 dc) {
+    return vec4(sol_stretch(-p.z, dc.xy), dc.z, 0.0);
+}
+
 vec3 geo_chart_vector(vec4 p, vec4 v) {
     return vec3(sol_stretch(p.z, v.xy), v.z);
+}
+
+vec3 geo_spray(vec3 c, vec3 v) {
+    vec2 e = vec2(sol_exp(-c.z), sol_exp(c.z)) * v.xy;
+    return vec3(2.0 * v.z * v.x, -2.0 * v.z * v.y, e.y * e.y - e.x * e.x);
 }
 
 vec4 geo_raise(vec4 p, vec3 conormal) {

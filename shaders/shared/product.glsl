@@ -83,11 +83,12 @@ vec4 geo_log(vec4 p, vec4 q, out float length_out) {
     vec4 a = product_slice(p);
     vec4 difference = product_slice(q) - a;
     float half_chord = 0.5 * sqrt(max(product_form(difference, difference), 0.0));
-    float along = PRODUCT_CURVATURE > 0.0
-        ? 2.0 * m_atan(half_chord, 0.5 * length((p + q).xyw))
-        : 2.0 * m_asinh(half_chord);
     vec4 tangent = difference - a * (PRODUCT_CURVATURE * product_form(a, difference));
     float norm = product_norm(a, tangent);
+    // Far away in the hyperbolic plane the chord is a small difference of large squares; the norm is sinh d.
+    float along = PRODUCT_CURVATURE > 0.0
+        ? 2.0 * m_atan(half_chord, 0.5 * length((p + q).xyw))
+        : norm > 1.0 ? m_asinh(norm) : 2.0 * m_asinh(half_chord);
     // At the base of nothing, and at the antipode, any direction of the surface serves.
     vec4 turn = vec4(1.0, 0.0, 0.0, 0.0) - PRODUCT_CURVATURE * (geo_base() + a) * (a.x / max(1.0 + a.w, 1e-6));
     vec4 way = (norm > 0.0 ? tangent / norm : turn) * along;
@@ -215,8 +216,19 @@ vec4 geo_unchart(vec3 c) {
     return p;
 }
 
+vec4 geo_unchart_vector(vec4 p, vec3 dc) {
+    // Normal part of the lifted vector, taken off.
+    float normal = dot(p.xy, dc.xy);
+    return vec4((dc.xy - PRODUCT_CURVATURE * normal * p.xy) * p.w, dc.z, -PRODUCT_CURVATURE * normal * p.w * p.w);
+}
+
 vec3 geo_chart_vector(vec4 p, vec4 v) {
     return vec3((v.xy - p.xy / p.w * v.w) / p.w, v.z);
+}
+
+vec3 geo_spray(vec3 c, vec3 v) {
+    float rate = 2.0 * PRODUCT_CURVATURE * dot(c.xy, v.xy) / (1.0 + PRODUCT_CURVATURE * dot(c.xy, c.xy));
+    return vec3(v.xy * rate, 0.0);
 }
 
 vec4 geo_raise(vec4 p, vec3 conormal) {

@@ -40,7 +40,9 @@ vec3 shade_light(uint index, Path path, Surface surface, float nv) {
         Geodesic above = geo_flow(Geodesic(path.point, surface.normal), IO_SHADOW_OFFSET);
         float to_light;
         vec4 towards = geo_log(above.point, light.point, to_light);
-        if (shade_occluded(Geodesic(above.point, towards), to_light, path.cell)) return vec3(0.0);
+        // And to a point a little before the light: what it is fixed to does not hide it from one side at random.
+        float reach = to_light - IO_SHADOW_OFFSET;
+        if (reach > 0.0 && shade_occluded(Geodesic(above.point, towards), reach, path.cell)) return vec3(0.0);
     }
     float share = range / light.range;
     float window = 1.0 - share * share * share * share;

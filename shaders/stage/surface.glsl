@@ -16,6 +16,10 @@ Surface surface_at(Path path, Hit hit) {
     Material material = io_materials[hit.material];
     Surface surface = Surface(geo_raise(path.point, hit.conormal), material.base_color.rgb, material.emission,
                               material.metallic, material.roughness);
+    if (IO_COORDINATES) {
+        vec3 place = material.coordinate_scale * geo_chart(path.point) + material.coordinate_shift;
+        surface.base_color *= clamp(place, vec3(0.0), vec3(1.0));
+    }
     if (IO_TEXTURES && material.base_texture != IO_NONE) {
         surface.base_color *= sampling_bilinear(material.base_texture, hit.uv).rgb;
     }

@@ -93,12 +93,21 @@ uint walk_cell(Path path) {
     return IO_FACES == 0u ? path.cell : 0u;
 }
 
-// Takes the path through a face.
-void walk_cross(inout Path path, Geodesic g, uint face) {
-    walk_set(path, geo_restore(geo_cross(Isometry(io_faces[face].linear, io_faces[face].shift), io_faces[face].plane, g)));
+// Notes that the path has passed a face.
+void walk_passed(inout Path path, uint face) {
+#ifdef WALK_CROSSED
+    // An entry that wants to know the faces.
+    WALK_CROSSED(path.bounces, face);
+#endif
     path.bounces++;
     if (IO_FACES == 0u) path.cell = io_faces[face].cell;
     if (IO_LABELS && path.label != IO_NONE) path.label = io_label_table[path.label * uint(io_faces.length()) + face];
+}
+
+// Takes the path through a face.
+void walk_cross(inout Path path, Geodesic g, uint face) {
+    walk_set(path, geo_restore(geo_cross(Isometry(io_faces[face].linear, io_faces[face].shift), io_faces[face].plane, g)));
+    walk_passed(path, face);
 }
 
 // Largest deviation of the next arc from its curve, a length, for a tolerance that is an angle e seen from the source:
@@ -195,10 +204,13 @@ Segment segment_extended(Segment segment, bool first) {
     return Segment(segment.origin, end - segment.origin, segment.bend * whole * whole);
 }
 
+#include "stage/stepped.glsl"
+
 // Finds the end of the segment that starts at the path's state, and brings a state that rounding has left outside
 // of its cell (at an edge or a corner) back first. The path ends after geodesic length `limit`, and at most `bounces`
 // faces are passed. False: the path has ended.
 bool stage_segment(inout Path path, float limit, uint bounces, bool first, out Segment segment) {
+    if (IO_INTEGRATOR != IO_INTEGRATOR_EXACT) return stepped_segment(path, limit, bounces, first, segment);
     Reach reach = walk_reach(path, limit);
     Faces faces = walk_test_faces(path, reach);
     for (uint attempt = 0u; faces.violated != IO_END_LIMIT; attempt++) {
@@ -238,6 +250,10 @@ bool stage_segment(inout Path path, float limit, uint bounces, bool first, out S
 
 // The miss stage: the segment met nothing, so the geodesic moves on to its end and through the face there.
 void stage_transport(inout Path path, uint bounces) {
+    if (IO_INTEGRATOR != IO_INTEGRATOR_EXACT) {
+        stepped_transport(path, bounces);
+        return;
+    }
     Geodesic g = GEO_STRAIGHT ? geo_advance(walk_state(path), path.u_end) : walk_state(path);
     path.travelled += geo_length(walk_state(path), path.u_end);
     if (path.end == IO_END_ARC) {

@@ -1,14 +1,15 @@
 //! `holonomy geodesic`: the end of a geodesic in a model geometry.
 
 use super::{
-    BackendChoice, Failure, GeodesicArgs, Outcome, Precision,
+    BackendChoice, Failure, GeodesicArgs, Integrator, Outcome, Precision,
     batch::{self, Case},
     print_line,
 };
 use crate::{
     geometry::{Geodesic, Geometry, GeometryError, GeometryId, Visitor, settle_geodesic, visit},
-    render::compute::probe::Probe,
-    shader_io::{PROBE_FLOW, ProbeIn},
+    integrate::{Method, Stop, follow},
+    render::{compute::probe::Probe, plan::integrator_number},
+    shader_io::{PROBE_FLOW, PROBE_FOLLOW, ProbeIn},
     vulkan::{Context, ContextOptions},
 };
 use anyhow::anyhow;
@@ -25,6 +26,9 @@ struct Job {
 }
 
 pub(super) fn run(args: &GeodesicArgs) -> Outcome {
+    if let (Integrator::Exact, Some(_)) = (args.integrator, args.tolerance) {
+        return Err(Failure::refused(anyhow!("--tolerance needs --integrator dopri5")));
+    }
     let mut engine = Engine::new(args)?;
     if let Some(path) = &args.start.batch {
         return batch::run(path, |lines| {
@@ -111,15 +115,18 @@ fn end_json(id: GeometryId, end: Geodesic) -> Value {
 
 /// Computes ends of geodesics on the cpu or the device.
 enum Engine {
-    Cpu,
-    Device { context: Arc<Context>, probes: HashMap<GeometryId, Probe> },
+    Cpu { method: Method, single: bool },
+    Device { method: Method, context: Arc<Context>, probes: HashMap<GeometryId, Probe> },
 }
 
 type Ends = Vec<Result<(GeometryId, Geodesic), String>>;
 
 impl Engine {
     fn new(args: &GeodesicArgs) -> Result<Self, Failure> {
+        let method = args.integrator.method(args.step, args.tolerance)?;
+        let single = args.precision == Some(Precision::F32);
         let device = match (args.backend, args.precision) {
+            (None | Some(BackendChoice::Cpu), Some(Precision::F32)) if method != Method::Exact => false,
             (None | Some(BackendChoice::Auto), Some(Precision::F32)) => true,
             (None | Some(BackendChoice::Auto | BackendChoice::Cpu), Some(Precision::F64) | None) => false,
             (Some(BackendChoice::Compute), None | Some(Precision::F32)) => true,
@@ -127,41 +134,64 @@ impl Engine {
                 return Err(Failure::refused(anyhow!("rt traces pictures: for single geodesics use compute or cpu")));
             }
             (Some(BackendChoice::Cpu), Some(Precision::F32)) => {
-                return Err(Failure::refused(anyhow!("the cpu computes in f64: for f32 use --backend compute")));
+                return Err(Failure::refused(anyhow!(
+                    "the cpu computes exact flows in f64: for f32 use --backend compute"
+                )));
             }
             (Some(BackendChoice::Compute), Some(Precision::F64)) => {
                 return Err(Failure::refused(anyhow!("the device computes in f32: for f64 use --backend cpu")));
             }
         };
         if !device {
-            return Ok(Self::Cpu);
+            return Ok(Self::Cpu { method, single });
         }
         let context = Context::new(&ContextOptions::from_env().map_err(Failure::vulkan)?).map_err(Failure::vulkan)?;
-        Ok(Self::Device { context, probes: HashMap::new() })
+        Ok(Self::Device { method, context, probes: HashMap::new() })
     }
 
     /// Ends of all jobs; lines that were refused before stay refused.
     fn flow(&mut self, jobs: Vec<Result<Job, String>>) -> Result<Ends, Failure> {
         match self {
-            Self::Cpu => Ok(jobs.into_iter().map(|job| job.and_then(flow_on_cpu)).collect()),
-            Self::Device { context, probes } => flow_on_device(context, probes, jobs),
+            Self::Cpu { method, single } => {
+                let flow = |job| flow_on_cpu(job, *method, *single);
+                Ok(jobs.into_iter().map(|job| job.and_then(flow)).collect())
+            }
+            Self::Device { method, context, probes } => flow_on_device(context, probes, *method, jobs),
         }
     }
 }
 
-fn flow_on_cpu(job: Job) -> Result<(GeometryId, Geodesic), String> {
-    struct Flow(Job);
+fn flow_on_cpu(job: Job, method: Method, single: bool) -> Result<(GeometryId, Geodesic), String> {
+    struct Flow(Job, Method, bool);
     impl Visitor for Flow {
-        type Output = Geodesic;
-        fn visit<G: Geometry>(self, geometry: G) -> Geodesic {
-            geometry.flow(self.0.start, self.0.length)
+        type Output = Result<Geodesic, Stop>;
+        fn visit<G: Geometry>(self, geometry: G) -> Self::Output {
+            let Self(Job { start, length, .. }, method, single) = self;
+            let follow = if single { follow::<f32, G> } else { follow::<f64, G> };
+            let end = follow(geometry, method, start, length)?.end;
+            Ok(if method == Method::Exact { end } else { Unit(end).visit(geometry) })
         }
     }
-    in_range(job, visit(job.geometry, Flow(job)), "f64")
+    if let Some(edge) = edge(job) {
+        return Err(edge);
+    }
+    let end = visit(job.geometry, Flow(job, method, single)).map_err(|stop| stop.to_string())?;
+    in_range(job, end, if single { "f32" } else { "f64" })
 }
 
-/// What a geodesic runs into that leaves the chart.
-fn edge(job: Job) -> Option<&'static str> {
+/// A state with unit velocity, which integration keeps only up to its error; where velocities are not normalised, as it
+/// is.
+struct Unit(Geodesic);
+
+impl Visitor for Unit {
+    type Output = Geodesic;
+    fn visit<G: Geometry>(self, geometry: G) -> Geodesic {
+        geometry.restore(self.0)
+    }
+}
+
+/// What a geodesic runs into that leaves the chart, as a refusal.
+fn edge(job: Job) -> Option<String> {
     struct Edge(Job);
     impl Visitor for Edge {
         type Output = Option<&'static str>;
@@ -169,13 +199,14 @@ fn edge(job: Job) -> Option<&'static str> {
             geometry.edge(self.0.start, self.0.length)
         }
     }
-    visit(job.geometry, Edge(job))
+    let (length, geometry) = (job.length, job.geometry.name());
+    visit(job.geometry, Edge(job)).map(|edge| GeometryError::Edge { length, edge, geometry }.to_string())
 }
 
 fn in_range(job: Job, end: Geodesic, precision: &'static str) -> Result<(GeometryId, Geodesic), String> {
     let (length, geometry) = (job.length, job.geometry.name());
     match edge(job) {
-        Some(edge) => Err(GeometryError::Edge { length, edge, geometry }.to_string()),
+        Some(edge) => Err(edge),
         None if end.point.is_finite() && end.velocity.is_finite() => Ok((job.geometry, end)),
         None => Err(GeometryError::OutOfRange { length, precision, geometry }.to_string()),
     }
@@ -184,6 +215,7 @@ fn in_range(job: Job, end: Geodesic, precision: &'static str) -> Result<(Geometr
 fn flow_on_device(
     context: &Arc<Context>,
     probes: &mut HashMap<GeometryId, Probe>,
+    method: Method,
     jobs: Vec<Result<Job, String>>,
 ) -> Result<Ends, Failure> {
     let mut ends: Ends =
@@ -208,14 +240,17 @@ fn flow_on_device(
                 a: single(job.start.point),
                 b: single(job.start.velocity),
                 t: job.length as f32,
-                op: PROBE_FLOW,
-                ..Default::default()
+                c: [integrator_number(method) as f32, method.parameter() as f32, 0.0, 0.0],
+                op: if method == Method::Exact { PROBE_FLOW } else { PROBE_FOLLOW },
             })
             .collect();
         let outputs = probe.run(&inputs).map_err(Failure::failed)?;
         for (((index, job), input), output) in jobs.into_iter().zip(&inputs).zip(outputs) {
             let double = |v: [f32; 4]| Vec4::from(v).as_dvec4();
-            let end = Geodesic { point: double(output.a), velocity: double(output.b) };
+            let mut end = Geodesic { point: double(output.a), velocity: double(output.b) };
+            if method != Method::Exact && end.point.is_finite() {
+                end = visit(job.geometry, Unit(end));
+            }
             let representable = input.t.is_finite() && input.a.iter().chain(&input.b).all(|x| x.is_finite());
             let end = if representable { end } else { Geodesic { point: DVec4::INFINITY, ..end } };
             ends[index] = in_range(job, end, "f32");

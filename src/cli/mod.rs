@@ -3,6 +3,7 @@
 //!
 //! Exit codes: 0 done, 1 refused input, 2 failed. Errors are one line on stderr; `--json` alone goes to stdout.
 
+mod accuracy;
 mod batch;
 mod check;
 mod devices;
@@ -11,11 +12,13 @@ mod geodesic;
 pub mod output;
 mod render;
 mod sequence;
+mod stability;
 mod transport;
 mod vr;
 
 use crate::{
     geometry::GEOMETRIES,
+    integrate::Method,
     render::plan::Feature,
     scene::{MAX_BOUNCES, Shading},
     space::body::Tracking,
@@ -103,6 +106,10 @@ enum Command {
     Devices(DevicesArgs),
     /// Compute the end of a geodesic in a model geometry.
     Geodesic(GeodesicArgs),
+    /// Run every stiff and extreme case on every backend, and fail if one fails.
+    Stability(StabilityArgs),
+    /// Measure error against run time of integrators, tolerances and backends.
+    Accuracy(AccuracyArgs),
     /// Follow a geodesic, or a pixel's ray, through the faces of a space.
     Transport(TransportArgs),
 }
@@ -125,6 +132,36 @@ pub enum BackendChoice {
 enum Integrator {
     /// The geometry's own flow.
     Exact,
+    /// Runge and Kutta's method of order 4, steps of one length.
+    Rk4,
+    /// Dormand and Prince's method of order 5, steps by a tolerance.
+    Dopri5,
+    /// The book's: Euler's method, steps of one length.
+    Euler,
+}
+
+impl Integrator {
+    /// Step of the methods with steps of one length where none is given.
+    const STEP: f64 = 0.05;
+
+    /// Tolerance of the adaptive method where none is given.
+    const TOLERANCE: f64 = 1e-6;
+
+    /// The method with its parameter; `tolerance` is left alone where the method has none.
+    fn method(self, step: Option<f64>, tolerance: Option<f64>) -> Result<Method, Failure> {
+        let refuse = |what: &str| Err(Failure::refused(anyhow::anyhow!("{what}")));
+        match (self, step, tolerance) {
+            (Self::Exact, Some(_), _) => refuse("--step needs --integrator euler or rk4"),
+            (Self::Dopri5, Some(_), _) => refuse("--step: dopri5 chooses its steps by --tolerance"),
+            (Self::Euler | Self::Rk4, _, Some(_)) => {
+                refuse("--tolerance: this integrator has a --step and no tolerance")
+            }
+            (Self::Exact, None, _) => Ok(Method::Exact),
+            (Self::Euler, step, None) => Ok(Method::Euler { step: step.unwrap_or(Self::STEP) }),
+            (Self::Rk4, step, None) => Ok(Method::Rk4 { step: step.unwrap_or(Self::STEP) }),
+            (Self::Dopri5, None, tolerance) => Ok(Method::Dopri5 { tolerance: tolerance.unwrap_or(Self::TOLERANCE) }),
+        }
+    }
 }
 
 /// Number format of a computation.
@@ -161,7 +198,11 @@ struct RenderArgs {
     /// How geodesics are integrated.
     #[arg(long, value_enum, default_value = "exact")]
     integrator: Integrator,
-    /// Largest deviation of an arc from its geodesic, as a share of a pixel, instead of the scene's.
+    /// Length of the steps of euler and rk4, 0.05 if not given; each is a segment.
+    #[arg(long, value_name = "H", value_parser = parse_positive)]
+    step: Option<f64>,
+    /// With exact: largest deviation of an arc from its geodesic, as a share of a pixel, instead of the scene's. With
+    /// dopri5: largest error of a step, 1e-6 if not given.
     #[arg(long, value_name = "E", value_parser = parse_positive)]
     tolerance: Option<f64>,
     /// Both eyes side by side, left eye left.
@@ -255,6 +296,25 @@ struct DevicesArgs {
     json: bool,
 }
 
+#[derive(Args)]
+struct StabilityArgs {
+    /// Run only the cases that have this text in their names.
+    #[arg(long, value_name = "TEXT")]
+    filter: Option<String>,
+    /// Run only on this backend; auto is all that are there.
+    #[arg(long, value_enum, default_value = "auto")]
+    backend: BackendChoice,
+    /// Write the report as JSON to a file.
+    #[arg(short, long, value_name = "FILE.json")]
+    output: Option<PathBuf>,
+    /// Print the report as JSON.
+    #[arg(long)]
+    json: bool,
+    /// Add this to every error, to see that it is caught.
+    #[arg(long, value_name = "E", default_value_t = 0.0, value_parser = parse_finite)]
+    spoil: f64,
+}
+
 /// Where a geodesic starts and how long it is.
 #[derive(Args)]
 struct GeodesicStart {
@@ -285,10 +345,50 @@ struct GeodesicArgs {
     /// How geodesics are integrated.
     #[arg(long, value_enum, default_value = "exact")]
     integrator: Integrator,
-    /// cpu computes in f64, compute in f32 with the shader's own function on the device.
+    /// Length of the steps of euler and rk4, 0.05 if not given.
+    #[arg(long, value_name = "H", value_parser = parse_positive)]
+    step: Option<f64>,
+    /// Largest error of a step of dopri5, 1e-6 if not given.
+    #[arg(long, value_name = "E", value_parser = parse_positive)]
+    tolerance: Option<f64>,
+    /// cpu computes in f64 (f32 too, but for the exact flow), compute in f32 with the shader's own function on the device.
     #[arg(long, value_enum)]
     backend: Option<BackendChoice>,
     /// Print the result as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Args)]
+struct AccuracyArgs {
+    /// TOML scene files or names of shipped scenes, whose pictures are compared with a converged reference; without any
+    /// scene or geometry, all geometries.
+    scenes: Vec<String>,
+    /// Model geometry whose geodesics are measured. Repeatable.
+    #[arg(long, value_name = "G", value_parser = PossibleValuesParser::new(GEOMETRIES.iter().map(|e| e.name)))]
+    geometry: Vec<String>,
+    /// All geometries beside the scenes.
+    #[arg(long, conflicts_with = "geometry")]
+    all: bool,
+    /// A scene to draw with Euler's steps against numbers of bounces, as the book's Figure 5.5 does.
+    #[arg(long, value_name = "SCENE")]
+    figure: Option<String>,
+    /// Measure what the scenes leave out, by keeping each part in.
+    #[arg(long)]
+    leave_out: bool,
+    /// Folder for accuracy.json, .csv, .svg and the files of further tables and plots; made if it is not there.
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Size of the pictures.
+    #[arg(long, value_name = "WxH", default_value = "128x96", value_parser = parse_size)]
+    size: [u32; 2],
+    /// Backends to measure. Repeatable; cpu, and compute where there is a device, if not given.
+    #[arg(long, value_enum)]
+    backend: Vec<BackendChoice>,
+    /// Seconds of a frame after which Euler's step is halved no more.
+    #[arg(long, value_name = "S", default_value_t = 8.0, value_parser = parse_positive)]
+    limit: f64,
+    /// Print the report as JSON instead of tables.
     #[arg(long)]
     json: bool,
 }
@@ -340,6 +440,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Outcome {
         Command::Check(args) => check::run(&args),
         Command::Devices(args) => devices::run(&args),
         Command::Geodesic(args) => geodesic::run(&args),
+        Command::Stability(args) => stability::run(&args),
+        Command::Accuracy(args) => accuracy::run(&args),
         Command::Transport(args) => transport::run(&args),
     }
 }

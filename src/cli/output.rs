@@ -2,6 +2,7 @@
 
 use super::Failure;
 use crate::render::Target;
+pub use crate::render::srgb_byte;
 use anyhow::Context;
 use image::{ExtendedColorType, ImageEncoder, ImageFormat, codecs::png::PngEncoder};
 use std::{
@@ -119,13 +120,6 @@ pub fn encode(target: &Target, format: PictureFormat, raw: bool) -> Result<Vec<u
         }
     }
     Ok(bytes)
-}
-
-/// The sRGB transfer function (IEC 61966-2-1), rounded to 8 bits.
-pub fn srgb_byte(linear: f32) -> u8 {
-    let x = linear.clamp(0.0, 1.0);
-    let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-    (encoded * 255.0 + 0.5) as u8
 }
 
 /// Pseudo-colours: small whole numbers get well separated hues, larger ranges a ramp from near (bright) to far.

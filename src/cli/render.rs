@@ -1,19 +1,21 @@
 //! `holonomy render`: a picture of a scene, or a sequence along its camera path.
 
 use super::{
-    BackendChoice, Failure, Integrator, Outcome, RenderArgs,
+    BackendChoice, Failure, Outcome, RenderArgs,
     eye::EyeFile,
     output::{PendingFile, PictureFormat, encode, picture_format},
     sequence::{Pattern, check_range, pose},
 };
 use crate::{
     geometry::{Geometry, Visitor, visit},
+    integrate::Method,
     render::{
         Backend, RenderError, Shot, Stats, Target, auto,
         compute::ComputeBackend,
         cpu::CpuBackend,
         plan::{Feature, Plan},
         rt::{RtBackend, RtOptions},
+        side_by_side,
         world::{Pose, World},
     },
     scene::{Object, Scene, file},
@@ -33,12 +35,15 @@ use std::{
 };
 
 pub(super) fn run(args: &RenderArgs) -> Outcome {
-    let Integrator::Exact = args.integrator;
+    let method = args.integrator.method(args.step, args.tolerance)?;
     let format = picture_format(&args.output)?;
     let mut scene = file::load(&args.scene).map_err(Failure::refused)?;
     let seen = args.eye.as_deref().map(|path| EyeFile::read(path, &mut scene)).transpose()?;
     scene.settings.bounces = args.bounces.unwrap_or(scene.settings.bounces);
-    scene.settings.tolerance = args.tolerance.unwrap_or(scene.settings.tolerance);
+    scene.settings.method = method;
+    if let (Method::Exact, Some(tolerance)) = (method, args.tolerance) {
+        scene.settings.tolerance = tolerance;
+    }
     scene.settings.shading = args.shading.unwrap_or(scene.settings.shading);
     let raw = scene.settings.shading.is_raw();
     if raw && args.samples > 1 {
@@ -174,7 +179,7 @@ impl Session {
             return Ok(target);
         }
         let eyes = if args.stereo { stereo_eyes(scene)? } else { vec![scene.observer.frame] };
-        let mut target = Target::new([args.size[0] * eyes.len() as u32, args.size[1]]);
+        let mut target = Target::new(side_by_side(args.size, eyes.len() as u32));
         for (index, eye) in eyes.iter().enumerate() {
             let shot =
                 Shot { samples: args.samples, seed: args.seed, ..Shot::symmetric(*eye, scene.observer.fov, args.size) };
@@ -274,6 +279,17 @@ struct Times {
     pose: Duration,
 }
 
+/// How rays were followed, and by which parameter.
+fn integrator_json(scene: &Scene) -> Value {
+    let method = scene.settings.method;
+    let (key, value) = match method {
+        Method::Exact => ("tolerance", scene.settings.tolerance),
+        Method::Euler { step } | Method::Rk4 { step } => ("step", step),
+        Method::Dopri5 { tolerance } => ("tolerance", tolerance),
+    };
+    json!({ "name": method.name(), key: value })
+}
+
 /// The content of the `--stats` file.
 fn stats_json(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
     let Session { backend, plan, world, eyes, pictures, sum: stats, times, .. } = session;
@@ -316,6 +332,7 @@ fn stats_json(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
         "pictures": pictures,
         "samples": args.samples,
         "bounces": scene.settings.bounces,
+        "integrator": integrator_json(scene),
         "used": features(|d| d.needed),
         "left_out": features(|d| !d.needed && !d.kept),
         "kept_in": features(|d| d.kept),
@@ -358,7 +375,7 @@ fn stats_json(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
 }
 
 /// A bar on stderr, only on a terminal and only for work that takes longer than a second.
-struct Progress {
+pub(super) struct Progress {
     started: Instant,
     shown: bool,
     bar: OnceLock<ProgressBar>,
@@ -367,11 +384,11 @@ struct Progress {
 impl Progress {
     const STEPS: u64 = 1000;
 
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self { started: Instant::now(), shown: std::io::stderr().is_terminal(), bar: OnceLock::new() }
     }
 
-    fn set(&self, share: f64) {
+    pub(super) fn set(&self, share: f64) {
         if !self.shown || (self.started.elapsed() < Duration::from_secs(1) && self.bar.get().is_none()) {
             return;
         }
@@ -385,7 +402,7 @@ impl Progress {
         bar.set_position((share * Self::STEPS as f64) as u64);
     }
 
-    fn finish(&self) {
+    pub(super) fn finish(&self) {
         if let Some(bar) = self.bar.get() {
             bar.finish_and_clear();
         }

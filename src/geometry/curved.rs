@@ -74,7 +74,9 @@ const ARC_STEPS: u32 = 2;
 /// step: how far an [`Segment`](super::Segment) may reach. What a too large `h` allows is too small, and conversely, so the two
 /// bounds are found in turn.
 pub(super) fn longest_arc(limit: f64, tolerance: f64, third: impl Fn(f64) -> f64) -> f64 {
-    let allowed = |h: f64| (96.0 * tolerance / third(h).max(f64::MIN_POSITIVE)).cbrt().min(limit);
+    // A root in f32 is good enough, and many times cheaper: this is done for every segment.
+    let root = |cube: f64| f64::from((cube as f32).cbrt()) * (1.0 - 1e-6);
+    let allowed = |h: f64| root(96.0 * tolerance / third(h).max(1e-30)).min(limit);
     let mut upper = limit;
     let mut lower = 0.0;
     for _ in 0..ARC_STEPS {

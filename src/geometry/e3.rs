@@ -4,7 +4,7 @@
 //! coordinate is not shown to users. The chart is `(x, y, z)`, the curve parameter is arc length, geodesics are
 //! straight in the chart, and every formula is exact.
 
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, Quadric, across, matrix_of, spatial};
+use super::{ALONG_FACE, Geodesic, Geometry, Isometry, Quadric, Real, Real3, across, matrix_of, spatial};
 use glam::{DAffine3, DMat3, DMat4, DVec3, DVec4, Vec4Swizzles};
 
 /// Euclidean three-space.
@@ -111,6 +111,10 @@ impl Geometry for E3 {
 
     fn unchart_vector(&self, _p: DVec4, dc: DVec3) -> DVec4 {
         dc.extend(0.0)
+    }
+
+    fn spray<T: Real>(&self, _c: Real3<T>, _v: Real3<T>) -> Real3<T> {
+        Real3::zero()
     }
 
     fn raise(&self, _p: DVec4, conormal: DVec3) -> DVec4 {

@@ -8,7 +8,7 @@
 //! Far from the base point ambient components grow like eᵈ. Lengths are therefore taken from the radial and the
 //! transverse part of a vector, which do not cancel; see [`Geometry::norm`].
 
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, Quadric, across, matrix_of, spatial};
+use super::{ALONG_FACE, Geodesic, Geometry, Isometry, Quadric, Real, Real3, across, matrix_of, spatial};
 use glam::{DMat4, DVec3, DVec4, Vec4Swizzles};
 
 /// Hyperbolic three-space of curvature −1.
@@ -75,9 +75,14 @@ impl Geometry for H3 {
 
     fn log(&self, p: DVec4, q: DVec4) -> (DVec4, f64) {
         let difference = q - p;
-        let length = 2.0 * (0.5 * minkowski(difference, difference).max(0.0).sqrt()).asinh();
         let tangent = difference + p * minkowski(p, difference);
+        // sinh d. The chord is exact for near points, and far away a small difference of large squares.
         let norm = self.norm(p, tangent);
+        let length = if norm > 1.0 {
+            norm.asinh()
+        } else {
+            2.0 * (0.5 * minkowski(difference, difference).max(0.0).sqrt()).asinh()
+        };
         if norm > 0.0 { (tangent / norm, length) } else { (self.frame(p)[0], length) }
     }
 
@@ -153,6 +158,11 @@ impl Geometry for H3 {
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {
         let lifted = dc.extend(0.0);
         (lifted + p * minkowski(p, lifted)) * p.w
+    }
+
+    /// `w² c'` is constant along a geodesic, w⁻² = 1 − |c|².
+    fn spray<T: Real>(&self, c: Real3<T>, v: Real3<T>) -> Real3<T> {
+        v * (T::from_f64(-2.0) * c.dot(v) / (T::from_f64(1.0) - c.dot(c)))
     }
 
     fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4 {

@@ -7,7 +7,7 @@
 
 mod sample;
 
-use super::{Geodesic, Geometry, Isometry, Quadric, Segment, across, exponential};
+use super::{Geodesic, Geometry, Isometry, Quadric, Real3, Segment, across, exponential};
 use glam::{DMat3, DVec3, DVec4, Vec4Swizzles};
 
 pub use sample::{Sample, samples};
@@ -53,6 +53,7 @@ pub fn laws<G: Geometry>() -> Vec<Law<G>> {
         law("area density is that of the flow", DIFFERENCE, area_density_is_of_the_flow),
         law("chart and unchart invert each other", EXACT, chart_round_trip),
         law("unchart_vector inverts the differential of chart", DIFFERENCE, unchart_vector_inverts),
+        law("spray is the chart acceleration of the flow", DIFFERENCE, spray_is_of_the_flow),
         law("raise is the unit normal", EXACT, raise_is_normal),
         law("lower inverts raise up to length", EXACT, lower_inverts_raise),
         law("volume density is the determinant of the metric", EXACT, volume_density_is_determinant),
@@ -296,6 +297,17 @@ fn unchart_vector_inverts<G: Geometry>(geometry: G, s: &Sample) -> f64 {
     let vector = geometry.unchart_vector(s.start.point, slope);
     let tangent = gap4(vector, geometry.settle_tangent(s.start.point, vector));
     worse(gap4(s.start.velocity, vector), tangent)
+}
+
+fn spray_is_of_the_flow<G: Geometry>(geometry: G, s: &Sample) -> f64 {
+    let rate = |t: f64| {
+        let at = geometry.flow(s.start, t);
+        geometry.chart_vector(at.point, at.velocity)
+    };
+    let c = Real3::from_f64(geometry.chart(s.start.point));
+    let spray = geometry.spray::<f64>(c, Real3::from_f64(rate(0.0))).to_f64();
+    let difference = (rate(STEP) - rate(-STEP)) / (2.0 * STEP);
+    gap4(difference.extend(0.0), spray.extend(0.0))
 }
 
 fn raise_is_normal<G: Geometry>(geometry: G, s: &Sample) -> f64 {

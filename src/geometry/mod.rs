@@ -30,12 +30,15 @@ pub mod laws;
 pub mod nil;
 mod passage;
 pub mod product;
+pub mod real;
 pub(crate) mod registry;
 pub mod s2xr;
 pub mod s3;
 pub mod sl2;
 pub mod sl2_trace;
 pub mod sol;
+
+pub use real::{Real, Real3};
 
 use glam::{DAffine3, DMat4, DVec3, DVec4, Vec4Swizzles};
 use registry::geometries;
@@ -328,11 +331,15 @@ pub trait Geometry: Copy + Send + Sync + 'static {
     /// the twin assumes a chart point of a cell.
     fn unchart(&self, c: DVec3) -> Option<DVec4>;
 
-    /// Image of the tangent vector `v` at `p` under the chart's differential.
+    /// The tangent vector at `p` whose image under the chart's differential is `dc`.
+    fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4;
+
+    /// The image of the tangent vector `v` at `p` under the chart's differential.
     fn chart_vector(&self, p: DVec4, v: DVec4) -> DVec3;
 
-    /// The tangent vector at `p` whose image under the chart's differential is `dc`. *Host only.*
-    fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4;
+    /// The equation of geodesics in the chart: the second derivative `−Γ(v, v)` of the coordinates, by arc length, of
+    /// the geodesic through the chart point `c` with chart velocity `v`. Quadratic in `v`.
+    fn spray<T: Real>(&self, c: Real3<T>, v: Real3<T>) -> Real3<T>;
 
     /// Unit tangent vector at `p` that is normal to the surface with chart conormal `conormal` (a covector in
     /// the chart; it raises the index).

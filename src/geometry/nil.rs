@@ -16,7 +16,7 @@
 
 use super::curved::longest_arc;
 use super::passage::{Motion, first_passage};
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric};
+use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3};
 use glam::{DMat2, DMat4, DVec2, DVec3, DVec4, Vec4Swizzles};
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -140,7 +140,10 @@ impl Geometry for Nil {
         let (u, v, w) = (g.velocity.x, g.velocity.y, g.velocity.z.abs());
         let square = u * u + v * v;
         let (turn, lean, growth) = (w * w * square.sqrt(), w * (2.0 * u * u - v * v).abs(), 4.0 * w * w * square);
-        longest_arc(u_max, tolerance / (1.0 + 0.25 * tolerance), |t| turn.hypot(lean + growth * t))
+        longest_arc(u_max, tolerance / (1.0 + 0.25 * tolerance), |t| {
+            let along = lean + growth * t;
+            (turn * turn + along * along).sqrt()
+        })
     }
 
     fn parameter(&self, g: Geodesic, c: DVec3) -> f64 {
@@ -177,6 +180,12 @@ impl Geometry for Nil {
 
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {
         DVec4::new(dc.x, dc.y, dc.z - p.x * dc.y, 0.0)
+    }
+
+    /// `w = z′ − xy′` is constant and turns `(x′, y′)`.
+    fn spray<T: Real>(&self, c: Real3<T>, v: Real3<T>) -> Real3<T> {
+        let w = v.z - c.x * v.y;
+        Real3::new(-(w * v.y), w * v.x, v.x * v.y + c.x * w * v.x)
     }
 
     fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4 {

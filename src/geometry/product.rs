@@ -16,7 +16,7 @@
 
 use super::curved::longest_arc;
 use super::passage::{Motion, first_passage};
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric};
+use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3};
 use glam::{DMat4, DVec3, DVec4};
 
 /// The surface of a product.
@@ -301,6 +301,16 @@ impl<P: Product> Geometry for P {
 
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {
         P::SPACE.unchart_vector(slice(p), dc.with_z(0.0)) + DVec4::Z * dc.z
+    }
+
+    /// `w²` times the chart's velocity along the surface is constant, `w⁻² = 1 + κ(x² + y²)`, and so is that along the
+    /// line.
+    fn spray<T: Real>(&self, c: Real3<T>, v: Real3<T>) -> Real3<T> {
+        let number = T::from_f64;
+        let curvature = number(P::CURVATURE);
+        let rate =
+            number(2.0) * curvature * (c.x * v.x + c.y * v.y) / (number(1.0) + curvature * (c.x * c.x + c.y * c.y));
+        Real3::new(v.x * rate, v.y * rate, number(0.0))
     }
 
     fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4 {

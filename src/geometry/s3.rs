@@ -4,7 +4,7 @@
 //! great circles are straight. Flow: `p cos t + v sin t`. Curve parameter: `tan(t/2)`, so that a ray passes the
 //! quarter turn, where the gnomonic `tan t` is infinite, without a special case.
 
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric, across, matrix_of, spatial};
+use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3, across, matrix_of, spatial};
 use glam::{DMat4, DVec3, DVec4};
 use std::f64::consts::PI;
 
@@ -135,6 +135,11 @@ impl Geometry for S3 {
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {
         let lifted = dc.extend(0.0);
         (lifted - p * p.dot(lifted)) * p.w
+    }
+
+    /// `w² c'` is constant along a geodesic, w⁻² = 1 + |c|².
+    fn spray<T: Real>(&self, c: Real3<T>, v: Real3<T>) -> Real3<T> {
+        v * (T::from_f64(2.0) * c.dot(v) / (T::from_f64(1.0) + c.dot(c)))
     }
 
     fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4 {

@@ -13,9 +13,13 @@
 //! a turn for each zero of S, which are counted.
 //!
 //! The chart is `(x/w, y/w, θ)`, Klein's disk and the fibre angle; the curve parameter is arc length.
+//!
+//! Isometries are left multiplications, and those after the mirror image `(x, y, θ) ↦ (x, −y, −θ)` (conjugation with
+//! diag(1, −1)), which takes the frame to `(a, −b, −c)`; the entry of [`Isometry::linear`] for θ is 1 or −1 accordingly.
+//! Reflections of the base in vertical planes are among them.
 
 use super::{
-    Geodesic, Geometry, Isometry, ON_FACE, Quadric,
+    Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3,
     curved::{
         before_passage, cosh_sinhc, first_passage, first_zero, integrals, longest_arc, nearest_parameter, shoot,
         wave_area,
@@ -190,6 +194,39 @@ fn frame_length(p: DVec4, dc: DVec3) -> f64 {
     horizontal.length().hypot(dc.z - horizontal.perp_dot(p.xy()) / (1.0 + p.w))
 }
 
+/// Whether a plane contains the fibres over a line of the base.
+fn is_wall(plane: DVec4) -> bool {
+    plane.z == 0.0 && plane.xy().length_squared() > plane.w * plane.w
+}
+
+/// The reflection in such a plane: of the base in the line. It turns the fibre round.
+fn mirror(plane: DVec4) -> Isometry {
+    let normal = DVec4::new(plane.x, plane.y, 0.0, -plane.w);
+    let size = plane.xy().length_squared() - plane.w * plane.w;
+    let reflect = |v: DVec4| v - normal * (2.0 / size * (plane.xy().dot(v.xy()) + plane.w * v.w));
+    let linear = DMat4::from_cols(reflect(DVec4::X), reflect(DVec4::Y), -DVec4::Z, reflect(DVec4::W));
+    // At the origin the line across n: a turn by this angle after the mirror image.
+    Isometry { linear, shift: DVec4::Z * (2.0 * plane.y.atan2(plane.x) + PI) }
+}
+
+/// The image of a state on such a plane under its reflection: the base is hardly moved.
+fn reflected(plane: DVec4, g: Geodesic) -> Geodesic {
+    let (p, n) = (g.point, plane.xy());
+    let size = n.length_squared() - plane.w * plane.w;
+    let step = 2.0 / size * (n.dot(p.xy()) + plane.w * p.w);
+    // Where the origin goes, and the base reflected at the origin.
+    let (left, left_w) = (n * (-2.0 / size * plane.w), 1.0 + 2.0 / size * plane.w * plane.w);
+    let right = p.xy() - n * (2.0 * n.dot(p.xy()) / n.length_squared());
+    let angle = 2.0 * right.perp_dot(left).atan2((1.0 + left_w) * (1.0 + p.w) + left.dot(right));
+    let fibre = 2.0 * plane.y.atan2(plane.x) + PI - p.z + angle;
+    let base = p.xy() - n * step;
+    let v = g.velocity;
+    Geodesic {
+        point: DVec4::new(base.x, base.y, fibre, p.w + plane.w * step),
+        velocity: DVec4::new(v.x, -v.y, -v.z, 0.0),
+    }
+}
+
 impl Geometry for Sl2 {
     fn components(&self) -> usize {
         4
@@ -320,7 +357,7 @@ impl Geometry for Sl2 {
         first_zero(ahead, bend, reach.min(HORIZON)).unwrap_or(f64::INFINITY)
     }
 
-    /// The chart's third derivative at the start has a closed form ([`third_derivative`]). Along the geodesic its metric
+    /// The chart's third derivative at the start has a closed form (`third_derivative`). Along the geodesic its metric
     /// length changes at a rate of at most `6.12 r²`, r the speed of the base point, and the logarithm of the metric's length
     /// of a chart vector at a rate of at most `r (0.31 + 2 tanh d)` and of `2r`, d the base point's distance from the
     /// origin (maxima over all directions and distances, found numerically); tanh d grows by at most h over a step. So over
@@ -361,6 +398,26 @@ impl Geometry for Sl2 {
         (chart_differential(p).inverse() * dc).extend(0.0)
     }
 
+    /// The base point, with coordinates `x = kw` in the hyperboloid and velocity `v` in the frame that the boost to it
+    /// makes of the origin's, has the acceleration `−cJv`, J a right angle; that is Klein's straight motion
+    /// `−2w²(k·k′)k′` and the chart's image of `−cJv`. The fibre angle has `θ′ = c + v×x/(1+w)`, whose derivative is
+    /// `(2c − θ′)(x·v)/(1+w)` because `v` turns at the rate `θ′ − 2c`.
+    fn spray<T: Real>(&self, c: Real3<T>, v: Real3<T>) -> Real3<T> {
+        let (one, two) = (T::from_f64(1.0), T::from_f64(2.0));
+        let square = one / (one - c.x * c.x - c.y * c.y);
+        let w = square.sqrt();
+        let (x, y) = (c.x * w, c.y * w);
+        // The velocity in the boosted frame.
+        let along = (x * v.x + y * v.y) / (one + w);
+        let (a, b) = (w * (v.x + x * along), w * (v.y + y * along));
+        let fibre = v.z - (a * y - b * x) / (one + w);
+        // The image of −c J(a, b) = c (b, −a).
+        let across = (x * b - y * a) / (w * (one + w));
+        let (turn_x, turn_y) = (fibre * (b - x * across) / w, fibre * (-a - y * across) / w);
+        let straight = -(two * square * (c.x * v.x + c.y * v.y));
+        Real3::new(straight * v.x + turn_x, straight * v.y + turn_y, (two * fibre - v.z) * (x * a + y * b) / (one + w))
+    }
+
     fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4 {
         (chart_differential(p).transpose() * conormal).normalize().extend(0.0)
     }
@@ -377,10 +434,23 @@ impl Geometry for Sl2 {
         let p = g.point;
         let base = m.linear * DVec4::new(p.x, p.y, 0.0, p.w);
         // The left factor's base point is where the origin goes; its fibre turns the right factor's base.
-        let left = m.linear.w_axis;
-        let right = turn(m.shift.z).rotate(p.xy());
+        let (left, round) = (m.linear.w_axis, m.linear.z_axis.z);
+        let right = turn(m.shift.z).rotate(DVec2::new(p.x, round * p.y));
         let angle = 2.0 * right.perp_dot(left.xy()).atan2((1.0 + left.w) * (1.0 + p.w) + left.xy().dot(right));
-        Geodesic { point: DVec4::new(base.x, base.y, m.shift.z + p.z + angle, base.w), velocity: g.velocity }
+        let v = g.velocity;
+        Geodesic {
+            point: DVec4::new(base.x, base.y, m.shift.z + round * p.z + angle, base.w),
+            velocity: DVec4::new(v.x, round * v.y, round * v.z, 0.0),
+        }
+    }
+
+    /// Through walls by the reflection in the face, as the geometries with reflections do.
+    fn fold(&self, plane: DVec4, pairing: &Isometry) -> Isometry {
+        if is_wall(plane) { self.compose(pairing, &mirror(plane)) } else { *pairing }
+    }
+
+    fn cross(&self, folded: &Isometry, plane: DVec4, g: Geodesic) -> Geodesic {
+        self.apply(folded, if is_wall(plane) { reflected(plane, g) } else { g })
     }
 
     fn compose(&self, a: &Isometry, b: &Isometry) -> Isometry {
@@ -390,13 +460,14 @@ impl Geometry for Sl2 {
     }
 
     fn inverse(&self, m: &Isometry) -> Isometry {
-        Isometry { linear: FORM * m.linear.transpose() * FORM, shift: -m.shift }
+        Isometry { linear: FORM * m.linear.transpose() * FORM, shift: m.shift * -m.linear.z_axis.z }
     }
 
     fn isometry_residual(&self, m: &Isometry) -> f64 {
-        let origin = m.linear.w_axis;
+        let (origin, round) = (m.linear.w_axis, 1.0_f64.copysign(m.linear.z_axis.z));
         let rebuilt = translation(element(origin.x, origin.y, m.shift.z));
-        let difference = (m.linear - rebuilt.linear).to_cols_array();
+        let image = DMat4::from_diagonal(DVec4::new(1.0, round, round, 1.0));
+        let difference = (m.linear - rebuilt.linear * image).to_cols_array();
         difference.iter().fold((m.shift - rebuilt.shift).abs().max_element(), |worst, x| worst.max(x.abs()))
     }
 

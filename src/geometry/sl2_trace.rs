@@ -15,7 +15,7 @@
 //! is orthonormal: `√(2u² + v² + w²)`.
 
 use super::{
-    Geodesic, Geometry, Isometry, Quadric,
+    Geodesic, Geometry, Isometry, Quadric, Real, Real3,
     curved::{artanh_over, cosh_sinhc, first_passage, integrals, longest_arc, nearest_parameter, wave_area},
 };
 use glam::{DMat2, DMat3, DMat4, DVec2, DVec3, DVec4, Vec4Swizzles};
@@ -267,6 +267,15 @@ impl Geometry for Sl2Trace {
         let m = matrix(p);
         let fourth = (dc.y * p.z + p.y * dc.z - m.y_axis.y * dc.x) / m.x_axis.x;
         traceless(adjugate(m) * DMat2::from_cols(DVec2::new(dc.x, dc.z), DVec2::new(dc.y, fourth)))
+    }
+
+    /// `p″ = q p` for the matrix, with `−q` the determinant of its velocity.
+    fn spray<T: Real>(&self, c: Real3<T>, v: Real3<T>) -> Real3<T> {
+        let one = T::from_f64(1.0);
+        let first = one + c.x;
+        let fourth = (v.y * c.z + c.y * v.z - v.x * (one + c.y * c.z) / first) / first;
+        let q = v.y * v.z - v.x * fourth;
+        Real3::new(first * q, c.y * q, c.z * q)
     }
 
     fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4 {

@@ -20,7 +20,7 @@ pub mod elliptic;
 mod series;
 
 use super::{
-    Geodesic, Geometry, Isometry, Quadric,
+    Geodesic, Geometry, Isometry, Quadric, Real, Real3,
     curved::{before_passage, first_zero, longest_arc, nearest_parameter, shoot, wave_area},
     spatial,
 };
@@ -217,6 +217,13 @@ impl Geometry for Sol {
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {
         let [x, y] = stretch(-p.z, dc.x, dc.y);
         DVec4::new(x, y, dc.z, 0.0)
+    }
+
+    fn spray<T: Real>(&self, c: Real3<T>, v: Real3<T>) -> Real3<T> {
+        let rate = T::from_f64(2.0) * v.z;
+        let (wide, narrow) = (c.z.exp(), (-c.z).exp());
+        let (u, w) = (v.x * narrow, v.y * wide);
+        Real3::new(rate * v.x, -(rate * v.y), w * w - u * u)
     }
 
     fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4 {

@@ -155,13 +155,20 @@ impl Shot {
             size: self.size,
             bounces: settings.bounces,
             cell: self.eye.cell as u32,
+            integration: settings.method.parameter() as f32,
         }
     }
 
-    /// The tolerance of arcs as an angle seen from the eye: a share of a pixel.
+    /// The tolerance of arcs as an angle seen from the eye: a share of a pixel, of which the picture has so many in its
+    /// field of view. (In a picture of 179° the pixel in the middle is 80° high, but those at the border are tiny.)
     pub fn tolerance(&self, share_of_pixel: f64) -> f64 {
-        share_of_pixel * (self.tangents[3] - self.tangents[2]) / f64::from(self.size[1])
+        share_of_pixel * (self.tangents[3].atan() - self.tangents[2].atan()) / f64::from(self.size[1])
     }
+}
+
+/// Size of a picture of so many views of this size, one beside the other.
+pub fn side_by_side(view: [u32; 2], views: u32) -> [u32; 2] {
+    [view[0] * views, view[1]]
 }
 
 /// A picture: linear RGBA, or a raw value in all of RGB; rows from the top.
@@ -181,6 +188,13 @@ impl Target {
         let pixels = vec![[0.0; 4]; size[0] as usize * size[1] as usize];
         Self { width: size[0], height: size[1], pixels }
     }
+}
+
+/// The sRGB transfer function (IEC 61966-2-1), rounded to 8 bits.
+pub fn srgb_byte(linear: f32) -> u8 {
+    let x = linear.clamp(0.0, 1.0);
+    let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+    (encoded * 255.0 + 0.5) as u8
 }
 
 /// What a picture cost.

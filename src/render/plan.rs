@@ -6,6 +6,7 @@
 //! out saves.
 
 use crate::{
+    integrate::Method,
     scene::{Scene, Shading, Shape},
     shader_io::Specialization,
 };
@@ -24,6 +25,8 @@ pub enum Feature {
     AlphaMask,
     /// Texture lookups and the texel buffer.
     Textures,
+    /// Colours from the chart's coordinates.
+    Coordinates,
     /// Point lights.
     Lights,
     /// Shadow rays.
@@ -47,6 +50,7 @@ impl Feature {
         ("quadrics", Self::Quadrics),
         ("alpha-mask", Self::AlphaMask),
         ("textures", Self::Textures),
+        ("coordinates", Self::Coordinates),
         ("lights", Self::Lights),
         ("shadows", Self::Shadows),
         ("headlight", Self::Headlight),
@@ -77,12 +81,14 @@ pub struct Decision {
 }
 
 /// Which parts of the renderer a scene needs.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// One decision per feature, in the order of [`Feature::NAMES`].
     pub decisions: Vec<Decision>,
     /// What the picture shows.
     pub shading: Shading,
+    /// How rays are followed.
+    pub method: Method,
     /// Number of faces if the space has one cell with few enough to unroll, else 0: then rays remember their cell.
     pub faces: u32,
     /// What the pictures are for.
@@ -107,8 +113,9 @@ impl Plan {
     pub fn new(scene: &Scene, count: bool) -> Self {
         let shading = scene.settings.shading;
         let lit = shading == Shading::Riemannian;
-        let has_mesh = scene.objects.iter().any(|o| matches!(o.shape, Shape::Mesh(_)));
-        let has_round = scene.objects.iter().any(|o| !matches!(o.shape, Shape::Mesh(_)));
+        let has_mesh = scene.objects.iter().any(|o| o.shape.is_flat());
+        let has_round = scene.objects.iter().any(|o| !o.shape.is_flat());
+        let placed = used_materials(scene).any(|m| scene.materials[m].coordinates.is_some());
         let quadrics = scene.space.geometry.has_quadrics();
         let mut materials = used_materials(scene);
         let masked = materials.any(|m| scene.materials[m].alpha_cutoff.is_some());
@@ -121,12 +128,16 @@ impl Plan {
         let decide = |feature| {
             let (needed, reason) = match feature {
                 Feature::Meshes if has_round && !quadrics => (true, "balls and tubes are made of triangles here"),
-                Feature::Meshes => pick(has_mesh, "an object is a mesh", "no object is a mesh"),
+                Feature::Meshes => pick(has_mesh, "an object is made of triangles", "no object is made of triangles"),
                 Feature::Quadrics if has_round && !quadrics => (false, "balls and tubes are no quadrics here"),
                 Feature::Quadrics => pick(has_round, "an object is a ball or a tube", "no object is a ball or a tube"),
                 Feature::AlphaMask => pick(masked, "a material has an alpha mask", "no material has an alpha mask"),
                 Feature::Textures if !lit && !masked => (false, "the shading shows no colours of surfaces"),
                 Feature::Textures => pick(textured, "a material has a texture", "no material has a texture"),
+                Feature::Coordinates if !lit => (false, "the shading shows no colours of surfaces"),
+                Feature::Coordinates => {
+                    pick(placed, "a material is coloured by place", "no material is coloured by place")
+                }
                 Feature::Lights | Feature::Shadows | Feature::Headlight | Feature::Fog if !lit => {
                     (false, "the shading shows no light")
                 }
@@ -153,11 +164,8 @@ impl Plan {
             Decision { feature, needed, kept: false, reason }
         };
         let decisions = Feature::NAMES.iter().map(|(_, feature)| decide(*feature)).collect();
-        let faces = match scene.space.cells.as_slice() {
-            [cell] if cell.faces.len() <= MAX_UNROLLED_FACES => cell.faces.len() as u32,
-            _ => 0,
-        };
-        Self { decisions, shading, faces, purpose: Purpose::Picture }
+        let faces = unrolled_faces(scene.space.cells.iter().map(|cell| cell.faces.len()));
+        Self { decisions, shading, method: scene.settings.method, faces, purpose: Purpose::Picture }
     }
 
     /// The same for another purpose.
@@ -187,6 +195,7 @@ impl Plan {
             quadrics: on(Feature::Quadrics),
             alpha_mask: on(Feature::AlphaMask),
             textures: on(Feature::Textures),
+            coordinates: on(Feature::Coordinates),
             lights: on(Feature::Lights),
             shadows: on(Feature::Shadows),
             headlight: on(Feature::Headlight),
@@ -195,6 +204,7 @@ impl Plan {
             labels: on(Feature::Labels),
             counters: on(Feature::Counters),
             shading: shading_number(self.shading),
+            integrator: integrator_number(self.method),
             eyes: (self.purpose != Purpose::Picture).into(),
             listed: (self.purpose == Purpose::Eyes { listed: true }).into(),
         }
@@ -215,6 +225,25 @@ fn used_materials(scene: &Scene) -> impl Iterator<Item = usize> {
         };
         own
     })
+}
+
+/// The number of faces for which face tests are unrolled, from those of all cells: 0 for a loop.
+pub fn unrolled_faces(mut cells: impl Iterator<Item = usize>) -> u32 {
+    match (cells.next(), cells.next()) {
+        (Some(faces), None) if faces <= MAX_UNROLLED_FACES => faces as u32,
+        _ => 0,
+    }
+}
+
+/// The number by which the shaders know an integrator.
+pub fn integrator_number(method: Method) -> u32 {
+    use crate::shader_io as io;
+    match method {
+        Method::Exact => io::INTEGRATOR_EXACT,
+        Method::Euler { .. } => io::INTEGRATOR_EULER,
+        Method::Rk4 { .. } => io::INTEGRATOR_RK4,
+        Method::Dopri5 { .. } => io::INTEGRATOR_DOPRI5,
+    }
 }
 
 /// The number by which the shaders know a shading.

@@ -6,8 +6,8 @@
 //! | `[observer]` | `position`, `cell`, `look`, `up`, `fov` (vertical, degrees), `eye-distance` |
 //! | `[[observer.path]]` | a key pose of the camera path: `step` with `rotate`, or `position`, `cell`, `look`, `up`; `frames` |
 //! | `[[light]]` | `kind` (`point` or `viewer`), `color`, `intensity`, and for points `position`, `cell`, `range`, `shadows`, `direction` with `angle` (degrees from the axis of the cone to its edge) |
-//! | `[[material]]` | `name`, `color`, `metallic`, `roughness`, `emission`, `alpha-cutoff`, `texture`, `surface-texture` |
-//! | `[[object]]` | `kind` (`mesh`, `tube`, `ball` or `domain-edges`), `name`, `file`, `scale`, `radius`, `length`, `material`; `attach = "world"`: `position`, `cell` and `frame`, `look` with `up`, or `rotate`; `attach = "viewer"`, and with a headset `"left-hand"` and `"right-hand"`: `offset`, `rotate`; `motion = { velocity = [x, y, z], spin = [x, y, z, degrees] }`: in its own axes, per unit of time |
+//! | `[[material]]` | `name`, `color`, `metallic`, `roughness`, `emission`, `alpha-cutoff`, `texture`, `surface-texture`, `coordinates` |
+//! | `[[object]]` | `kind` (`mesh`, `tube`, `ball`, `domain-edges`, `domain-faces` or `grid`), `name`, `file`, `scale`, `radius`, `length`, `width` with `face`, `lower` with `upper` and `lines`, `material`; `attach = "world"`: `position`, `cell` and `frame`, `look` with `up`, or `rotate`; `attach = "viewer"`, and with a headset `"left-hand"` and `"right-hand"`: `offset`, `rotate`; `motion = { velocity = [x, y, z], spin = [x, y, z, degrees] }`: in its own axes, per unit of time |
 //! | `[render]` | `bounces`, `max-distance`, `fog`, `background`, `ambient`, `shading`, `tolerance` |
 //!
 //! A camera path starts at the observer's own pose and goes from key to key along geodesics, with parallel transport,
@@ -17,6 +17,13 @@
 //! `frames` is the number of pictures from the key before to this one (48 if not given); picture 0 is the start.
 //!
 //! A whole geometry without end is seen up to `max-distance`, 8 if it is not given.
+//!
+//! `coordinates = [[a, b], [c, d], [e, f]]` colours a material by place: its red is multiplied with a number that goes
+//! from 0 to 1 while the chart's x goes from a to b, its green by y, its blue by z.
+//!
+//! `domain-faces` are frames along the edges of the cell's faces, of a `width` from 0 to 1 (whole faces); of two faces
+//! that are glued to each other the one with the lower number, or one `face` alone. A `grid` has tubes along the chart's
+//! coordinate lines through the box from `lower` to `upper`, at so many places along x, y and z as `lines` says.
 //!
 //! Points have the geometry's own components; vectors have these or three components in the geometry's standard
 //! frame at their point. `look` is where an observer looks, and the third axis (`z`) of an object. Colours are
@@ -182,9 +189,35 @@ fn space(mut table: Table, folder: &Folder) -> Result<Space, SceneError> {
 const OBSERVER_KEYS: &[&str] = &["position", "cell", "look", "up", "fov", "eye-distance", "path"];
 const LIGHT_KEYS: &[&str] =
     &["kind", "position", "cell", "color", "intensity", "range", "shadows", "direction", "angle"];
-const MATERIAL_KEYS: &[&str] =
-    &["name", "color", "metallic", "roughness", "emission", "alpha-cutoff", "texture", "surface-texture"];
+const MATERIAL_KEYS: &[&str] = &[
+    "name",
+    "color",
+    "metallic",
+    "roughness",
+    "emission",
+    "alpha-cutoff",
+    "texture",
+    "surface-texture",
+    "coordinates",
+];
 const RENDER_KEYS: &[&str] = &["bounces", "max-distance", "fog", "background", "ambient", "shading", "tolerance"];
+
+/// Ranges of the chart's x, y and z over which red, green and blue go from 0 to 1.
+fn coordinates(value: &Value) -> Result<[[f64; 2]; 3], SceneError> {
+    let rows = value.array("an array of 3 ranges [from, to]")?;
+    if rows.len() != 3 {
+        return Err(value.expected("an array of 3 ranges [from, to]"));
+    }
+    let mut ranges = [[0.0; 2]; 3];
+    for (range, row) in ranges.iter_mut().zip(&rows) {
+        let ends = row.numbers(&[2], Bounds::closed(-1e6, 1e6))?;
+        if (ends[1] - ends[0]).abs() < 1e-6 {
+            return Err(row.error("the range is empty"));
+        }
+        *range = [ends[0], ends[1]];
+    }
+    Ok(ranges)
+}
 
 /// A scene while it is read.
 pub(super) struct Builder<'a> {
@@ -320,6 +353,7 @@ impl<'a> Builder<'a> {
                 .transpose()?,
             base_texture,
             surface_texture,
+            coordinates: table.take("coordinates").map(|value| coordinates(&value)).transpose()?,
         };
         table.finish("in [[material]]")?;
         self.material_names.push(name.to_owned());

@@ -384,6 +384,7 @@ impl Reader<'_> {
             alpha_cutoff: (source.alpha_mode == Checked::Valid(AlphaMode::Mask)).then_some(cutoff),
             base_texture: texture(&pbr.base_color_texture, Encoding::Srgb)?,
             surface_texture: texture(&pbr.metallic_roughness_texture, Encoding::Linear)?,
+            coordinates: None,
         };
         let known = self.first_material + self.loaded.materials.len();
         self.loaded.materials.push(material);

@@ -18,6 +18,7 @@ mod reader;
 pub mod shipped;
 mod texture;
 
+use crate::integrate::Method;
 use crate::space::{
     Space,
     observer::{Frame, Leg},
@@ -115,6 +116,9 @@ pub struct Material {
     pub base_texture: Option<usize>,
     /// Metallic-roughness texture: green times roughness, blue times metallic.
     pub surface_texture: Option<usize>,
+    /// Colour from place: red, green and blue of the base colour are multiplied with numbers that go from 0 to 1 while
+    /// the chart's x, y and z go from the first to the second number.
+    pub coordinates: Option<[[f64; 2]; 3]>,
 }
 
 /// How a texture goes on outside [0, 1].
@@ -188,6 +192,32 @@ pub enum Shape {
         /// Radius as a length in the space.
         radius: f64,
     },
+    /// The faces of the object's cell, or frames along their edges.
+    DomainFaces {
+        /// Width of the frames, as a share of the way from the edge to the centre of the face; 1 for whole faces.
+        width: f64,
+        /// One face alone; else all, of two that are glued to each other the first.
+        face: Option<usize>,
+    },
+    /// Tubes along the coordinate lines of the chart.
+    Grid {
+        /// Corner of the box with the least chart coordinates.
+        lower: DVec3,
+        /// The opposite corner.
+        upper: DVec3,
+        /// Numbers of places along x, y and z, evenly from one end of the box to the other (or in the middle, for one),
+        /// through which lines go.
+        lines: [u32; 3],
+        /// Radius of the tubes as a length in the space.
+        radius: f64,
+    },
+}
+
+impl Shape {
+    /// Whether it is made of triangles in every geometry.
+    pub fn is_flat(&self) -> bool {
+        matches!(self, Self::Mesh(_) | Self::DomainFaces { .. })
+    }
 }
 
 /// Where an object is.
@@ -312,6 +342,8 @@ pub struct Settings {
     pub shading: Shading,
     /// Largest deviation of an arc from its geodesic, as a share of a pixel's footprint.
     pub tolerance: f64,
+    /// How rays are followed.
+    pub method: Method,
 }
 
 /// Largest accepted bounce count.
@@ -328,8 +360,17 @@ impl Default for Settings {
             headlight: [0.0; 3],
             shading: Shading::Riemannian,
             tolerance: 0.01,
+            method: Method::Exact,
         }
     }
+}
+
+/// What chart coordinates are multiplied with, and what is added then, to colour a material by place; nothing and one
+/// for a material that is not.
+pub fn coordinate_ramp(material: &Material) -> (DVec3, DVec3) {
+    let Some(ranges) = material.coordinates else { return (DVec3::ZERO, DVec3::ONE) };
+    let scale = DVec3::from_array(ranges.map(|[from, to]| 1.0 / (to - from)));
+    (scale, -DVec3::from_array(ranges.map(|[from, _]| from)) * scale)
 }
 
 impl Material {
@@ -344,6 +385,7 @@ impl Material {
             alpha_cutoff: None,
             base_texture: None,
             surface_texture: None,
+            coordinates: None,
         }
     }
 }

@@ -12,7 +12,7 @@ use glam::{DMat3, DVec3};
 
 pub(super) const KEYS: &[&str] = &[
     "name", "kind", "file", "position", "cell", "frame", "look", "up", "rotate", "scale", "radius", "length",
-    "material", "attach", "offset", "motion",
+    "material", "attach", "offset", "motion", "width", "face", "lower", "upper", "lines",
 ];
 
 /// How far a mesh may reach from its origin, as a length in the space.
@@ -24,6 +24,20 @@ enum Kind {
     Tube,
     Ball,
     DomainEdges,
+    DomainFaces,
+    Grid,
+}
+
+impl Kind {
+    /// What is said of those that belong to a cell.
+    fn stays(self) -> Option<&'static str> {
+        match self {
+            Self::DomainEdges => Some("the edges of a cell stay where they are"),
+            Self::DomainFaces => Some("the faces of a cell stay where they are"),
+            Self::Grid => Some("the lines of a grid stay where they are"),
+            Self::Mesh | Self::Tube | Self::Ball => None,
+        }
+    }
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -33,8 +47,17 @@ enum Attach {
     Hand(Hand),
 }
 
-const KINDS: &[(&str, Kind)] =
-    &[("mesh", Kind::Mesh), ("tube", Kind::Tube), ("ball", Kind::Ball), ("domain-edges", Kind::DomainEdges)];
+const KINDS: &[(&str, Kind)] = &[
+    ("mesh", Kind::Mesh),
+    ("tube", Kind::Tube),
+    ("ball", Kind::Ball),
+    ("domain-edges", Kind::DomainEdges),
+    ("domain-faces", Kind::DomainFaces),
+    ("grid", Kind::Grid),
+];
+
+/// Most places of a grid along one axis.
+const MAX_LINES: u32 = 32;
 
 const ATTACHMENTS: &[(&str, Attach)] = &[
     ("world", Attach::World),
@@ -75,6 +98,11 @@ pub(super) fn read(mut table: Table, builder: &mut Builder) -> Result<(), SceneE
         },
         Kind::Ball => Shape::Ball { radius: table.need("radius")?.number(radius)? },
         Kind::DomainEdges => Shape::DomainEdges { radius: table.need("radius")?.number(radius)? },
+        Kind::DomainFaces => Shape::DomainFaces {
+            width: table.take("width").map_or(Ok(1.0), |v| v.number(Bounds::above(0.0, 1.0)))?,
+            face: table.take("face").map(|v| Ok::<_, SceneError>(v.integer(0, u32::MAX)? as usize)).transpose()?,
+        },
+        Kind::Grid => grid(&mut table)?,
     };
     let (place, attach_name) = place(&mut table, kind, builder)?;
     let motion = table.take("motion").map(|v| motion(&v, kind)).transpose()?;
@@ -85,10 +113,34 @@ pub(super) fn read(mut table: Table, builder: &mut Builder) -> Result<(), SceneE
     Ok(())
 }
 
+/// The keys of a grid.
+fn grid(table: &mut Table) -> Result<Shape, SceneError> {
+    let mut corner = |key| {
+        let value = table.need(key)?;
+        let n = value.numbers(&[3], Bounds::closed(-MAX_REACH, MAX_REACH))?;
+        Ok::<_, SceneError>((value, DVec3::new(n[0], n[1], n[2])))
+    };
+    let ((_, lower), (value, upper)) = (corner("lower")?, corner("upper")?);
+    if lower.cmpgt(upper).any() || lower == upper {
+        return Err(value.error(format!("the corner {upper} is not beyond the corner \"lower\", {lower}")));
+    }
+    let value = table.need("lines")?;
+    let counts = value.array("an array of 3 numbers of lines")?;
+    if counts.len() != 3 {
+        return Err(value.expected("an array of 3 numbers of lines"));
+    }
+    let mut lines = [0; 3];
+    for (count, value) in lines.iter_mut().zip(&counts) {
+        *count = value.integer(1, MAX_LINES)?;
+    }
+    let radius = table.need("radius")?.number(Bounds::above(0.0, MAX_REACH))?;
+    Ok(Shape::Grid { lower, upper, lines, radius })
+}
+
 /// `motion = { velocity = [x, y, z], spin = [x, y, z, degrees] }`, both per unit of time and in the object's own axes.
 fn motion(value: &Value, kind: Kind) -> Result<Motion, SceneError> {
-    if kind == Kind::DomainEdges {
-        return Err(value.error("the edges of a cell stay where they are: they cannot move"));
+    if let Some(stays) = kind.stays() {
+        return Err(value.error(format!("{stays}: they cannot move")));
     }
     let mut table = value.table("motion", &["velocity", "spin"])?;
     let velocity =
@@ -110,10 +162,10 @@ fn place(table: &mut Table, kind: Kind, builder: &Builder) -> Result<(Place, &'s
     let attach_value = table.take("attach");
     let attach = attach_value.as_ref().map_or(Ok(Attach::World), |v| v.choice(ATTACHMENTS))?;
     match (attach, &attach_value) {
-        (Attach::Viewer | Attach::Hand(_), Some(value)) if kind == Kind::DomainEdges => {
-            Err(value.error("the edges of a cell stay where they are: they cannot be attached to the viewer"))
-        }
-        (Attach::Viewer | Attach::Hand(_), _) => {
+        (Attach::Viewer | Attach::Hand(_), value) => {
+            if let (Some(stays), Some(value)) = (kind.stays(), value) {
+                return Err(value.error(format!("{stays}: they cannot be attached to the viewer")));
+            }
             let offset = table.take("offset");
             let offset = offset.map_or(Ok(vec![0.0; 3]), |v| v.numbers(&[3], Bounds::closed(-MAX_REACH, MAX_REACH)))?;
             let offset = DVec3::new(offset[0], offset[1], offset[2]);
@@ -126,7 +178,7 @@ fn place(table: &mut Table, kind: Kind, builder: &Builder) -> Result<(Place, &'s
                 _ => (Place::Viewer { offset, rotation }, "viewer"),
             })
         }
-        _ if kind == Kind::DomainEdges => {
+        _ if kind.stays().is_some() => {
             let cell = places::cell(table, &builder.space)?;
             Ok((Place::World(Local::base(&builder.space, cell).frame(DMat3::IDENTITY)), "world"))
         }

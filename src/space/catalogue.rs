@@ -5,11 +5,13 @@
 //! c² = (1 + cos δ) / (1 − cos α), where c is cos r in the sphere and cosh r in hyperbolic space, r the inradius:
 //! one formula for both, from ⟨Pᵢ, Pⱼ⟩ = −cos δ with the form diag(1, 1, 1, κ) and ⟨Pᵢ, Pᵢ⟩ = 1.
 
+mod bundles;
 mod eight_cubes;
 mod flat;
+mod products;
 
 use super::{Cell, Face, FaceId, Space};
-use crate::geometry::{GeometryId, Isometry};
+use crate::geometry::{GeometryId, Isometry, sl2_trace};
 use glam::{DMat3, DMat4, DVec3, DVec4};
 use std::f64::consts::PI;
 
@@ -73,16 +75,30 @@ pub const SPACES: &[Entry] = &[
         title: "the whole three-sphere, glued from eight cubes",
         build: || (GeometryId::S3, eight_cubes::cells()),
     },
-    Entry { name: "s2xs1", title: "the sphere times a circle of length 1", build: sphere_times_circle },
+    Entry {
+        name: "s2xs1",
+        title: "the sphere times a circle of length 1",
+        build: || (GeometryId::S2xR, products::sphere(true)),
+    },
     Entry {
         name: "genus2xs1",
         title: "the surface of genus 2 from a regular octagon, times a circle of length 1",
-        build: genus_two_times_circle,
+        build: || (GeometryId::H2xR, vec![products::genus_two()]),
     },
     Entry {
         name: "nil-heisenberg",
         title: "Nil by the integer Heisenberg group, a unit cube that is sheared across x",
-        build: nil_heisenberg,
+        build: || (GeometryId::Nil, vec![bundles::heisenberg()]),
+    },
+    Entry {
+        name: "sol-golden",
+        title: "Sol by the torus bundle of [[2, 1], [1, 1]], a square torus times 2 ln φ",
+        build: || (GeometryId::Sol, vec![bundles::golden()]),
+    },
+    Entry {
+        name: "sl2-genus2-tangent",
+        title: "the unit tangent vectors of the surface of genus 2, an octagon times a turn of the fibre",
+        build: || (GeometryId::Sl2, vec![bundles::tangents()]),
     },
 ];
 
@@ -105,11 +121,24 @@ pub fn find(name: &str) -> Option<Space> {
     Some(Space { name: entry.name.to_owned(), geometry, cells })
 }
 
-/// The whole of a model geometry: the gluing that has its name, where one chart does not show all of it, else one cell
-/// without faces.
+/// The whole of a model geometry: where one chart does not show all of it, several cells, else one without faces.
 pub fn whole(geometry: GeometryId) -> Space {
-    let name = geometry.name();
-    find(name).unwrap_or_else(|| Space { name: name.to_owned(), geometry, cells: vec![Cell { faces: Vec::new() }] })
+    let cells = match geometry {
+        GeometryId::S3 => eight_cubes::cells(),
+        GeometryId::S2xR => products::sphere(false),
+        GeometryId::Sl2Trace => vec![vec![wall()]],
+        _ => vec![Vec::new()],
+    };
+    let cells = cells.into_iter().map(|faces| Cell { faces }).collect();
+    Space { name: geometry.name().to_owned(), geometry, cells }
+}
+
+/// A wall in front of the edge x = −1 of the chart, before which walks would take ever shorter steps. What passes it is
+/// taken further out, so that a walk ends there.
+fn wall() -> Face {
+    const BEFORE: f64 = 0.01;
+    let outwards = sl2_trace::translation(DVec3::new(-0.1, 0.0, 0.0));
+    Face { plane: DVec4::new(-1.0, 0.0, 0.0, BEFORE - 1.0), pairing: outwards, partner: FaceId { cell: 0, face: 0 } }
 }
 
 /// Unit cube `[0, 1]³`, faces `x = 1, x = 0, y = 1, …`, unit translations.
@@ -147,87 +176,6 @@ fn seifert_weber() -> (GeometryId, Vec<Vec<Face>>) {
 // Right angles: four cells round an edge.
 fn mirrored_dodecahedron() -> (GeometryId, Vec<Vec<Face>>) {
     (GeometryId::H3, vec![regular_faces(Form::HYPERBOLOID, 0.0, None)])
-}
-
-/// Six cells, the faces of a cube seen from its centre, times |z| ≤ ½: a hemisphere is as much as a chart shows.
-/// Faces `X = 1, X = −1, Y = 1, Y = −1` of each, then the slab's.
-fn sphere_times_circle() -> (GeometryId, Vec<Vec<Face>>) {
-    // Cell s + 2i has its centre at the coordinate vector i of (x, y, w), negative for odd s; its own axes are the
-    // next two, turned so that all cells are oriented alike.
-    let axes = [DVec4::X, DVec4::Y, DVec4::W];
-    let from_cell = |cell: usize| {
-        let (i, sign) = (cell / 2, if cell.is_multiple_of(2) { 1.0 } else { -1.0 });
-        DMat4::from_cols(axes[(i + 1) % 3], axes[(i + 2) % 3] * sign, DVec4::Z, axes[i] * sign)
-    };
-    let cell = |a: usize| {
-        let mut faces: Vec<Face> = (0..4)
-            .map(|f| {
-                let normal = signed_axis(f).extend(0.0);
-                // The neighbour's centre lies in the direction of the face, and this cell's in that of the partner.
-                let towards = from_cell(a) * normal;
-                let b = (0..6).find(|&b| from_cell(b).w_axis == towards).unwrap_or(a);
-                let pairing = from_cell(b).transpose() * from_cell(a);
-                let back = pairing * DVec4::W;
-                let face = (0..4).find(|&g| signed_axis(g).extend(0.0) == back).unwrap_or(f);
-                Face {
-                    plane: (normal - DVec4::W) / 2.0_f64.sqrt(),
-                    pairing: Isometry::linear(pairing),
-                    partner: FaceId { cell: b, face },
-                }
-            })
-            .collect();
-        faces.extend(slab_faces(a, 4));
-        faces
-    };
-    (GeometryId::S2xR, (0..6).map(cell).collect())
-}
-
-/// The regular octagon with angles π/4 times |z| ≤ ½, opposite sides paired by translations. Its inradius r has
-/// cosh r = 1 + √2 = cot(π/8).
-fn genus_two_times_circle() -> (GeometryId, Vec<Vec<Face>>) {
-    let cosh = 1.0 + 2.0_f64.sqrt();
-    let sinh = (cosh * cosh - 1.0).sqrt();
-    // Opposite sides lie twice the inradius apart.
-    let (far_cosh, far_sinh) = (2.0 * cosh * cosh - 1.0, 2.0 * cosh * sinh);
-    let diagonal = 0.5_f64.sqrt();
-    let mut faces: Vec<Face> = (0..8)
-        .map(|f| {
-            let normal = match f % 4 {
-                0 => DVec4::X,
-                1 => DVec4::new(diagonal, diagonal, 0.0, 0.0),
-                2 => DVec4::Y,
-                _ => DVec4::new(-diagonal, diagonal, 0.0, 0.0),
-            };
-            let n = if f < 4 { normal } else { DVec4::ZERO - normal };
-            let travel = (outer(n, n) + outer(DVec4::W, DVec4::W)) * (far_cosh - 1.0)
-                - (outer(n, DVec4::W) + outer(DVec4::W, n)) * far_sinh;
-            paired(n * cosh - DVec4::W * sinh, (f + 4) % 8, DMat4::IDENTITY + travel)
-        })
-        .collect();
-    faces.extend(slab_faces(0, 8));
-    (GeometryId::H2xR, vec![faces])
-}
-
-/// The faces z = ½ and z = −½ of a cell, glued by the shift by 1; the first of them has the index `first`.
-fn slab_faces(cell: usize, first: usize) -> [Face; 2] {
-    [1.0, -1.0].map(|up| Face {
-        plane: DVec4::new(0.0, 0.0, up, -0.5),
-        pairing: Isometry { linear: DMat4::IDENTITY, shift: DVec4::Z * -up },
-        partner: FaceId { cell, face: if up > 0.0 { first + 1 } else { first } },
-    })
-}
-
-/// The unit cube `[0, 1]³` with left multiplications by the unit vectors: (x, y, z) ↦ (x − 1, y, z − y) through
-/// x = 1, shifts of y and z through the others. A point beyond x = 1 often needs a shift of z as well.
-fn nil_heisenberg() -> (GeometryId, Vec<Vec<Face>>) {
-    let faces = (0..6).map(|f| {
-        let normal = signed_axis(f);
-        let offset = if f.is_multiple_of(2) { -1.0 } else { 0.0 };
-        // Left multiplication by (a, b, c): z ↦ z + c + a y.
-        let shear = outer(DVec4::Z, DVec4::Y) * -normal.x;
-        paired(normal.extend(offset), f ^ 1, DMat4::from_translation(-normal) + shear)
-    });
-    (GeometryId::Nil, vec![faces.collect()])
 }
 
 /// The form diag(1, 1, 1, κ) of R⁴ whose unit vectors are the model.

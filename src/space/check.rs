@@ -15,6 +15,7 @@ mod error;
 mod faces;
 mod homology;
 mod links;
+mod outline;
 mod split;
 mod volume;
 
@@ -115,6 +116,8 @@ struct Glued<'a, G> {
     geometry: G,
     space: &'a Space,
     shapes: Vec<Polyhedron>,
+    /// For each cell and each of its edges a point in the middle of the edge.
+    middles: Vec<Vec<DVec3>>,
     /// `images[cell][face][i]` is the corner of the partner's cell to which the pairing takes corner
     /// `shapes[cell].face_vertices[face][i]`.
     images: Vec<Vec<Vec<usize>>>,
@@ -122,21 +125,25 @@ struct Glued<'a, G> {
 
 fn check_in<G: Geometry>(geometry: G, space: &Space) -> Result<Report, CheckError> {
     let shapes = faces::shapes(geometry, space)?;
+    let cells = shapes.clone();
     let faces = space.faces().count();
     let residual = faces::pairings(geometry, space)?;
     let whole = faces::corner_images(geometry, space, &shapes);
     let parts;
-    let (space, shapes, (images, corner_residual)) = match whole {
+    let (space, shapes, middles, (images, corner_residual)) = match whole {
         // Perhaps faces land on parts of others; if they do not either, the first complaint is the clearer one.
         Err(complaint @ CheckError::NotOnto { .. }) => {
             let split = split::face_to_face(geometry, space, &shapes).ok_or(complaint)?;
-            parts = split.0;
-            let images = faces::corner_images(geometry, &parts, &split.1)?;
-            (&parts, split.1, images)
+            parts = split.space;
+            let images = faces::corner_images(geometry, &parts, &split.shapes)?;
+            (&parts, split.shapes, split.middles, images)
         }
-        images => (space, shapes, images?),
+        images => {
+            let middles = shapes.iter().map(straight_middles).collect();
+            (space, shapes, middles, images?)
+        }
     };
-    let glued = Glued { geometry, space, shapes, images };
+    let glued = Glued { geometry, space, shapes, middles, images };
     let orientable = faces::orientable(geometry, space)?;
 
     let edge_cycles = cycles::edge_cycles(&glued)?;
@@ -154,7 +161,7 @@ fn check_in<G: Geometry>(geometry: G, space: &Space) -> Result<Report, CheckErro
         }
     }
 
-    let (volume, volume_error) = volume::volume(geometry, &glued.shapes);
+    let (volume, volume_error) = volume::volume(geometry, &cells);
     let face_classes = space.faces().filter(|(id, face)| *id <= face.partner).count();
     Ok(Report {
         geometry: space.geometry.name(),
@@ -174,6 +181,11 @@ fn check_in<G: Geometry>(geometry: G, space: &Space) -> Result<Report, CheckErro
         vertex_classes: links.len(),
         volume_error,
     })
+}
+
+/// The middles of straight edges.
+fn straight_middles(shape: &Polyhedron) -> Vec<DVec3> {
+    shape.edges.iter().map(|edge| 0.5 * (shape.vertices[edge.vertices[0]] + shape.vertices[edge.vertices[1]])).collect()
 }
 
 /// Image of a point.

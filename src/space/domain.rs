@@ -1,6 +1,6 @@
 //! The faces of all cells in one list, for walking.
 
-use super::{FaceId, Space};
+use super::{FaceId, Space, deck::integers::Lattice};
 use crate::geometry::{Geometry, GeometryId, Isometry, Visitor, visit};
 use glam::DVec4;
 use std::ops::Range;
@@ -14,6 +14,8 @@ pub struct Domain {
     pub cells: Vec<Range<usize>>,
     /// Deck element behind each face, `elements × faces` ([`super::deck`]); empty if nobody asks for labels.
     pub labels: Vec<u32>,
+    /// The pairings in whole numbers, where they have them.
+    pub lattice: Option<Lattice>,
 }
 
 /// A face in the list.
@@ -42,7 +44,7 @@ impl Domain {
             cells.push(next..next + cell.faces.len());
             next += cell.faces.len();
         }
-        let faces = space
+        let faces: Vec<DomainFace> = space
             .faces()
             .map(|(id, face)| DomainFace {
                 plane: face.plane,
@@ -53,7 +55,17 @@ impl Domain {
                 id,
             })
             .collect();
-        Self { faces, cells, labels: Vec::new() }
+        let lattice = visit(space.geometry, FindLattice(&faces));
+        Self { faces, cells, labels: Vec::new(), lattice }
+    }
+}
+
+struct FindLattice<'a>(&'a [DomainFace]);
+
+impl Visitor for FindLattice<'_> {
+    type Output = Option<Lattice>;
+    fn visit<G: Geometry>(self, geometry: G) -> Self::Output {
+        Lattice::new(geometry, self.0)
     }
 }
 

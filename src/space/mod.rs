@@ -2,8 +2,9 @@
 //!
 //! [`catalogue`] computes the named spaces from formulas, [`gluing`] reads them from files, [`polyhedron`] finds
 //! vertices and edges of a cell in the chart, [`domain`] lists faces for walking, [`walk`] takes geodesics through
-//! them, [`reduce`] brings points back into their cell, [`deck`] enumerates deck transformations, [`check`] proves
-//! that a gluing closes up, [`observer`] moves frames, [`body`] places eyes and hands of somebody with a headset.
+//! them by their own flow, [`stepped`] by an integrator, [`reduce`] brings points back into their cell, [`deck`]
+//! enumerates deck transformations, [`check`] proves that a gluing closes up, [`observer`] moves frames, [`body`] places
+//! eyes and hands of somebody with a headset.
 
 pub mod body;
 pub mod catalogue;
@@ -14,6 +15,7 @@ pub mod gluing;
 pub mod observer;
 pub mod polyhedron;
 pub mod reduce;
+pub mod stepped;
 pub mod walk;
 
 use crate::geometry::{GeometryId, Isometry};

@@ -86,8 +86,13 @@ impl Path {
     fn cross<G: Geometry>(&mut self, geometry: G, domain: &Domain, from: Geodesic, face: usize) {
         let passed = &domain.faces[face];
         self.state = geometry.restore(geometry.cross(&passed.folded, passed.plane, from));
+        self.pass(domain, face);
+    }
+
+    /// Notes that the path has passed a face.
+    pub(super) fn pass(&mut self, domain: &Domain, face: usize) {
         self.bounces += 1;
-        self.cell = passed.cell;
+        self.cell = domain.faces[face].cell;
         if self.label != NONE && !domain.labels.is_empty() {
             self.label = domain.labels[self.label as usize * domain.faces.len() + face];
         }

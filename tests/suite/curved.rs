@@ -5,17 +5,16 @@ use crate::support::Random;
 use glam::{DVec3, DVec4};
 use holonomy::{
     geometry::{
-        GEOMETRIES, Geodesic, Geometry, GeometryId, Isometry, Segment, Visitor, exponential, sl2,
+        GEOMETRIES, Geodesic, Geometry, GeometryId, Segment, Visitor, exponential, sl2,
         sol::{self, elliptic},
         visit,
     },
     space::{
-        FaceId,
-        domain::{Domain, DomainFace},
+        catalogue,
+        domain::Domain,
         reduce::{transport, violated_face},
     },
 };
-use std::f64::consts::{PI, TAU};
 
 /// A random unit vector of R³.
 fn unit(random: &mut Random) -> DVec3 {
@@ -284,52 +283,6 @@ fn curved_sol_agrees_with_the_elliptic_form() {
     assert!(worst < 1e-12, "{worst}");
 }
 
-/// A cell whose faces, given with their pairings, are glued to one another.
-fn glued(faces: Vec<(DVec4, Isometry)>) -> Domain {
-    let face = |(index, (plane, pairing)): (usize, (DVec4, Isometry))| DomainFace {
-        plane,
-        pairing,
-        folded: pairing,
-        cell: 0,
-        partner: index,
-        id: FaceId { cell: 0, face: index },
-    };
-    let faces: Vec<DomainFace> = faces.into_iter().enumerate().map(face).collect();
-    let cells = std::iter::once(0..faces.len()).collect();
-    Domain { faces, cells, labels: Vec::new() }
-}
-
-/// The torus bundle of [[2, 1], [1, 1]]: a square torus times an interval, whose ends are glued by the golden ratio.
-fn golden() -> Domain {
-    let phi = 0.5 * (1.0 + 5.0_f64.sqrt());
-    let scale = phi.hypot(1.0).recip();
-    let [a, b] = [DVec3::new(phi, -1.0, 0.0) * scale, DVec3::new(1.0, phi, 0.0) * scale];
-    let rise = DVec3::Z * (2.0 * phi.ln());
-    let faces = [(a, 1.0), (b, 1.0), (DVec3::Z, rise.z)]
-        .into_iter()
-        .zip([a, b, rise])
-        .flat_map(|((n, far), by)| [(n.extend(-far), sol::translation(-by)), ((-n).extend(0.0), sol::translation(by))]);
-    glued(faces.collect())
-}
-
-/// The unit tangent bundle of the surface of genus 2: the regular octagon with angles π/4, times a turn of the fibre.
-fn tangents() -> Domain {
-    // Inradius r of the octagon: cosh r = cot(π/8).
-    let (cosh, sinh) = ((PI / 8.0).tan().recip(), ((PI / 8.0).tan().powi(-2) - 1.0).sqrt());
-    let mut faces: Vec<(DVec4, Isometry)> = (0..8)
-        .map(|k| {
-            let n = glam::DVec2::from_angle(f64::from(k) * PI / 4.0);
-            // Translation by 2r against the normal.
-            let by = n * (-2.0 * sinh * cosh);
-            (DVec4::new(n.x * cosh, n.y * cosh, 0.0, -sinh), sl2::translation(sl2::element(by.x, by.y, 0.0)))
-        })
-        .collect();
-    for sign in [1.0, -1.0] {
-        faces.push((DVec4::new(0.0, 0.0, sign, -PI), sl2::translation(sl2::element(0.0, 0.0, -sign * TAU))));
-    }
-    glued(faces)
-}
-
 /// Geodesics walked through the faces, and unfolded and brought back by any faces that are violated: both end in the
 /// same place, up to the growth of rounding. `spoil` changes an end.
 fn worst_walk<G: Geometry>(geometry: G, domain: &Domain, length: f64, spoil: f64) -> [f64; 2] {
@@ -359,11 +312,12 @@ fn worst_walk<G: Geometry>(geometry: G, domain: &Domain, length: f64, spoil: f64
 
 #[test]
 fn curved_walks_agree_with_the_unfolded_geodesics() {
+    let domain = |name| Domain::new(&catalogue::find(name).expect("a named space"));
     for spoil in [0.0, 1e-7] {
-        let [walked, faces] = worst_walk(sol::Sol, &golden(), 6.0, spoil);
+        let [walked, faces] = worst_walk(sol::Sol, &domain("sol-golden"), 6.0, spoil);
         println!("golden torus bundle: {faces:.1} faces, ends differ by {walked:.1e}");
         assert!(faces > 5.0 && (walked < 1e-8) == (spoil == 0.0), "{walked}");
-        let [walked, faces] = worst_walk(sl2::Sl2, &tangents(), 8.0, spoil);
+        let [walked, faces] = worst_walk(sl2::Sl2, &domain("sl2-genus2-tangent"), 8.0, spoil);
         println!("unit tangents of genus 2: {faces:.1} faces, ends differ by {walked:.1e}");
         assert!(faces > 3.0 && (walked < 1e-8) == (spoil == 0.0), "{walked}");
     }

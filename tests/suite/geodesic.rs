@@ -5,10 +5,9 @@
 //! gives such numbers can promise less. Asserted is an error of at most 10 floors, in f64 on the cpu and in f32 on
 //! the device.
 
-use crate::{
-    big::{Big, BigGeodesic, Classical, Model, Nil, Product, distance},
-    big_groups::{SL2, SOL, TRACE},
-    support::{self, Random},
+use crate::support::{self, Random};
+use holonomy::measure::reference::{
+    Big, BigGeodesic, Classical, Model, Nil, Product, SL2, SOL, TRACE, apart, distance,
 };
 use serde_json::{Value, json};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -55,18 +54,6 @@ impl Case {
         let zero = [0.0; 4];
         [worst[0] + u * distance(&exact.point, &zero), worst[1] + u * distance(&exact.direction, &zero)]
     }
-}
-
-fn apart(a: &[Big; 4], b: &[Big; 4]) -> f64 {
-    a.iter()
-        .zip(b)
-        .map(|(x, y)| {
-            let d = x - y;
-            &d * &d
-        })
-        .sum::<Big>()
-        .sqrt()
-        .to_f64()
 }
 
 /// Ordinary and extreme cases of the geometries with curvature of one sign.

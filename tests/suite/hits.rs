@@ -7,7 +7,9 @@
 use crate::{laws::broken, support::Random};
 use glam::{DMat4, DVec2, DVec3, DVec4};
 use holonomy::{
-    geometry::{ALONG_FACE, E3, Geodesic, Geometry, H3, Isometry, ON_FACE, Quadric, S3, Segment, exponential},
+    geometry::{
+        ALONG_FACE, E3, Geodesic, Geometry, H3, Isometry, ON_FACE, Quadric, Real, Real3, S3, Segment, exponential,
+    },
     render::{
         Shot,
         cpu::{
@@ -82,6 +84,9 @@ impl<G: Geometry> Geometry for Faceted<G> {
         lower(p: DVec4, v: DVec4) -> DVec3;
         volume_density(c: DVec3) -> f64;
         bisector(q: DVec4) -> Option<DVec4>;
+    }
+    fn spray<T: Real>(&self, c: Real3<T>, v: Real3<T>) -> Real3<T> {
+        self.0.spray(c, v)
     }
     fn ball(&self, _centre: DVec4, _radius: f64) -> Option<Quadric> {
         None
@@ -168,6 +173,12 @@ impl<const STRAIGHT: bool> Geometry for Sheared<STRAIGHT> {
 
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {
         DVec4::new(dc.x - shear(p.y)[1] * dc.y - shear(p.z)[1] * dc.z, dc.y, dc.z, 0.0)
+    }
+
+    fn spray<T: Real>(&self, c: Real3<T>, v: Real3<T>) -> Real3<T> {
+        let number = T::from_f64;
+        let part = |y: T, v: T| (number(SHEAR[0]) + number(SHEAR[1]) * y) * v * v;
+        Real3::new(part(c.y, v.y) + part(c.z, v.z), number(0.0), number(0.0))
     }
 
     fn raise(&self, p: DVec4, n: DVec3) -> DVec4 {

@@ -3,7 +3,7 @@
 use crate::support;
 use glam::{DMat4, DVec3, DVec4};
 use holonomy::geometry::laws::{laws, samples};
-use holonomy::geometry::{GEOMETRIES, Geodesic, Geometry, GeometryId, Isometry, Quadric, Visitor, visit};
+use holonomy::geometry::{GEOMETRIES, Geodesic, Geometry, GeometryId, Isometry, Quadric, Real, Real3, Visitor, visit};
 
 /// Seed of all samples; change it to look elsewhere.
 const SEED: u64 = 20_210_415;
@@ -165,6 +165,8 @@ const FUNCTIONS: &[&str] = &[
     "chart",
     "unchart",
     "unchart_vector",
+    "chart_vector",
+    "spray",
     "raise",
     "lower",
     "volume_density",
@@ -303,6 +305,11 @@ impl<G: Geometry> Geometry for Spoilt<G> {
     }
     fn unchart_vector(&self, p: DVec4, dc: DVec3) -> DVec4 {
         self.vector("unchart_vector", self.geometry.unchart_vector(p, dc))
+    }
+    fn spray<T: Real>(&self, c: Real3<T>, v: Real3<T>) -> Real3<T> {
+        let spray = self.geometry.spray(c, v);
+        // Larger than what difference quotients leave.
+        if self.function == "spray" { spray + Real3::from_f64(DVec3::splat(10.0 * ERROR)) } else { spray }
     }
     fn raise(&self, p: DVec4, conormal: DVec3) -> DVec4 {
         self.vector("raise", self.geometry.raise(p, conormal))

@@ -12,6 +12,7 @@ use holonomy::{
         reduce::is_inside,
     },
 };
+use std::f64::consts::{PI, TAU};
 
 fn space(name: &str) -> Space {
     catalogue::find(name).expect("a catalogue space")
@@ -149,11 +150,69 @@ fn observer_walks_ten_thousand_steps_and_returns() {
         ("s3", 5000, 1e-11),
         ("seifert-weber", 5, 1e-11),
         ("mirrored-dodecahedron", 5, 1e-11),
+        ("s2xs1", 5000, 1e-10),
+        ("genus2xs1", 5, 1e-10),
+        ("nil-heisenberg", 5, 1e-11),
+        ("sol-golden", 5, 1e-10),
+        ("sl2-genus2-tangent", 5, 1e-10),
     ] {
         let space = space(name);
         let error = visit(space.geometry, Walk(&space, leg));
         println!("{name}: {error:.1e} from home");
         assert!(error < allowed, "{name}: {error:e}");
+    }
+}
+
+/// A closed geodesic: where it starts, its direction in the frame there, its length.
+struct Loop<'a> {
+    space: &'a Space,
+    start: DVec3,
+    direction: DVec3,
+    length: f64,
+    /// What the frame turns by, right-handed about the direction.
+    turn: f64,
+}
+
+impl Visitor for Loop<'_> {
+    type Output = f64;
+    fn visit<G: Geometry>(self, geometry: G) -> f64 {
+        let point = geometry.unchart(self.start).expect("in the chart");
+        let home = Frame { cell: 0, point, axes: geometry.frame(point) };
+        let back = home.walked(geometry, &Domain::new(self.space), self.direction * self.length).expect("sound");
+        gap(&back, &home.rotated(DMat3::from_axis_angle(self.direction, self.turn)))
+    }
+}
+
+/// Closed geodesics of the spaces with curved charts, and what a frame picks up on them.
+#[test]
+fn observer_closed_geodesics_turn_frames_as_they_should() {
+    let golden = 0.5 * (1.0 + 5.0_f64.sqrt());
+    // 0.8 b₁ + 0.6 b₂ comes back after two passages of the stretch.
+    let fixed = DVec3::new(0.8 * golden + 0.6, 0.6 * golden - 0.8, 0.0) / golden.hypot(1.0) + DVec3::Z * 0.3;
+    for (name, start, direction, length, turn) in [
+        ("s2xs1", DVec3::new(0.2, 0.1, 0.3), DVec3::Z, 1.0, 0.0),
+        ("s2xs1", DVec3::new(0.2, 0.1, 0.3), DVec3::new(0.6, 0.8, 0.0), TAU, 0.0),
+        ("genus2xs1", DVec3::new(0.2, 0.1, 0.3), DVec3::Z, 1.0, 0.0),
+        // From side to opposite side.
+        ("genus2xs1", DVec3::ZERO, DVec3::X, 2.0 * (1.0 + 2.0_f64.sqrt()).acosh(), 0.0),
+        // ∇ of the frame along the fibre is half of the bracket.
+        ("nil-heisenberg", DVec3::new(0.3, 0.4, 0.6), DVec3::Z, 1.0, 0.5),
+        ("sol-golden", fixed, DVec3::Z, 4.0 * golden.ln(), 0.0),
+        // In a frame that turns back by twice the way along the fibre, a parallel vector turns by half of the way.
+        ("sl2-genus2-tangent", DVec3::new(0.2, 0.1, 0.3), DVec3::Z, TAU, PI),
+        (
+            "sl2-genus2-tangent",
+            DVec3::ZERO,
+            DVec3::X,
+            2.0 * (1.0 + 2.0_f64.sqrt()).acosh(),
+            (1.0 + 2.0_f64.sqrt()).acosh(),
+        ),
+    ] {
+        let space = space(name);
+        let run = |turn| visit(space.geometry, Loop { space: &space, start, direction, length, turn });
+        println!("{name}: along {direction} off by {:.1e}", run(turn));
+        assert!(run(turn) < 1e-12, "{name}: {}", run(turn));
+        assert!(run(turn + 0.1) > 0.05 && run(-turn - 0.2) > 0.05, "{name}");
     }
 }
 

@@ -104,6 +104,7 @@ fn plan_specialization_follows_every_decision() {
                 Feature::Quadrics => s.quadrics,
                 Feature::AlphaMask => s.alpha_mask,
                 Feature::Textures => s.textures,
+                Feature::Coordinates => s.coordinates,
                 Feature::Lights => s.lights,
                 Feature::Shadows => s.shadows,
                 Feature::Headlight => s.headlight,

@@ -593,3 +593,44 @@ fn whole_geometries_are_one_cell_or_a_gluing() {
     assert_eq!((sphere.space.cells.len(), sphere.settings.max_distance), (8, None));
     assert_eq!(file::load_space("h3").expect("a space").cells.len(), 1);
 }
+
+/// Frames, grids and colours by place.
+#[test]
+fn faces_grids_and_coordinates_are_read() {
+    let material = "[[material]]\nname = \"m\"\ncoordinates = [[0, 1], [1, 0], [-2, 2]]\n";
+    let scene = accept(&format!(
+        "{material}[[object]]\nkind = \"domain-faces\"\nface = 2\nwidth = 0.25\nmaterial = \"m\"\n\
+         [[object]]\nkind = \"grid\"\nlower = [0, 0, 0]\nupper = [1, 1, 0]\nlines = [2, 3, 1]\nradius = 0.1\nmaterial = \"m\"\n"
+    ));
+    assert_eq!(scene.materials[0].coordinates, Some([[0.0, 1.0], [1.0, 0.0], [-2.0, 2.0]]));
+    assert_eq!(scene.objects[0].shape, Shape::DomainFaces { width: 0.25, face: Some(2) });
+    let (lower, upper) = (DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0));
+    assert_eq!(scene.objects[1].shape, Shape::Grid { lower, upper, lines: [2, 3, 1], radius: 0.1 });
+
+    let coordinates = |value: &str| refuse(&format!("[[material]]\nname = \"m\"\ncoordinates = {value}\n"));
+    assert_eq!(
+        coordinates("[[0, 1]]"),
+        "my.toml:5:15: coordinates: expected an array of 3 ranges [from, to], found an array of 1"
+    );
+    assert_eq!(coordinates("[[0, 1], [2, 2], [0, 1]]"), "my.toml:5:24: coordinates[1]: the range is empty");
+    let object = |lines: &str| refuse(&format!("[[material]]\nname = \"m\"\n[[object]]\nmaterial = \"m\"\n{lines}"));
+    assert_eq!(
+        object("kind = \"grid\"\nlower = [0, 2, 0]\nupper = [1, 1, 1]\nlines = [1, 1, 1]\nradius = 0.1\n"),
+        "my.toml:9:9: upper: the corner [1, 1, 1] is not beyond the corner \"lower\", [0, 2, 0]"
+    );
+    assert!(
+        object("kind = \"grid\"\nlower = [0, 0, 0]\nupper = [1, 1, 1]\nlines = [1, 99, 1]\nradius = 0.1\n")
+            .starts_with("my.toml:10:13: lines[1]: 99 is out of range")
+    );
+    assert_eq!(
+        object("kind = \"domain-faces\"\nmotion = { velocity = [1, 0, 0] }\n"),
+        "my.toml:8:10: motion: the faces of a cell stay where they are: they cannot move"
+    );
+    assert_eq!(
+        object(
+            "kind = \"grid\"\nlower = [0, 0, 0]\nupper = [1, 1, 1]\nlines = [1, 1, 1]\nradius = 0.1\nattach = \"viewer\"\n"
+        ),
+        "my.toml:12:10: attach: the lines of a grid stay where they are: they cannot be attached to the viewer"
+    );
+    assert!(object("kind = \"domain-faces\"\nwidth = 1.5\n").starts_with("my.toml:8:9: width: 1.5 is out of range"));
+}

@@ -1,9 +1,10 @@
 //! The named spaces against 30-digit reference data (`tests/data/spaces.json`), and damaged copies of them.
 
-use glam::{DMat4, DVec3, DVec4, Vec4Swizzles};
-use holonomy::geometry::{GeometryId, Isometry, matrix_from_rows};
+use crate::support::Random;
+use glam::{DMat4, DVec2, DVec3, DVec4, Vec4Swizzles};
+use holonomy::geometry::{Geometry, GeometryId, Isometry, Visitor, matrix_from_rows, sl2, visit};
 use holonomy::space::check::{CheckError, Kind, Report, check};
-use holonomy::space::{Cell, Face, FaceId, Space, catalogue};
+use holonomy::space::{Cell, Face, FaceId, Space, catalogue, domain::Domain, observer::Frame, reduce::reduce_frame};
 use serde_json::Value;
 use std::f64::consts::{PI, TAU};
 
@@ -27,6 +28,12 @@ pub fn classical() -> Vec<Value> {
 /// The catalogue's spaces of one such cell that the reference knows.
 pub fn classical_names() -> Vec<&'static str> {
     let known: Vec<String> = classical().iter().map(|m| m["name"].as_str().expect("a name").to_owned()).collect();
+    catalogue::NAMES.iter().copied().filter(|name| known.iter().any(|k| k == name)).collect()
+}
+
+/// All of the catalogue's spaces that the reference knows.
+fn known_names() -> Vec<&'static str> {
+    let known: Vec<String> = all_references().iter().map(|m| m["name"].as_str().expect("a name").to_owned()).collect();
     catalogue::NAMES.iter().copied().filter(|name| known.iter().any(|k| k == name)).collect()
 }
 
@@ -66,18 +73,34 @@ pub fn reference_faces(entry: &Value) -> Vec<Face> {
     let listed = |index: &str| entry[index].as_array().expect("a list");
     let partner = |face: usize| FaceId { cell: 0, face };
     if entry.get("domain_planes").is_some() {
-        // A cube about which left multiplications by one generator for each pair of faces go.
-        let generators =
-            ["Phi1", "Phi2", "Phi3"].map(|g| DVec3::from_array([0, 1, 2].map(|i| number(&entry["generators"][g][i]))));
+        // A cell about which left multiplications by one generator for each pair of faces go.
+        let names = generator_names(entry);
+        let generators = names.map(|g| DVec3::from_array([0, 1, 2].map(|i| number(&entry["generators"][g][i]))));
         let face = |(f, plane): (usize, &Value)| {
             let by = generators[f / 2] * if f % 2 == 0 { -1.0 } else { 1.0 };
             let mut pairing = DMat4::from_translation(by);
-            pairing.y_axis.z = by.x;
+            if entry["geometry"] == "nil" {
+                pairing.y_axis.z = by.x;
+            } else {
+                (pairing.x_axis.x, pairing.y_axis.y) = (by.z.exp(), (-by.z).exp());
+            }
             Face { plane: vector(plane), pairing: Isometry::linear(pairing), partner: partner(f ^ 1) }
         };
         return listed("domain_planes").iter().enumerate().map(face).collect();
     }
     let face = |f: &Value| {
+        if entry["geometry"] == "sl2" {
+            let xyw = |v: &Value, z: f64| DVec4::new(number(&v[0]), number(&v[1]), z, number(&v[2]));
+            let (plane, pairing, pair) = match f.get("left_factor") {
+                Some(by) => (xyw(&f["plane_xyw"], 0.0), sl2::translation(vector(by)), f["pair"].as_u64()),
+                None => {
+                    let up = if f["side"] == "theta >= pi" { 1.0 } else { -1.0 };
+                    let turn = Isometry { linear: DMat4::IDENTITY, shift: DVec4::Z * (-up * TAU) };
+                    (DVec4::new(0.0, 0.0, up, -PI), turn, f["face"].as_u64().map(|face| 17 - face))
+                }
+            };
+            return Face { plane, pairing, partner: partner(pair.expect("partner") as usize) };
+        }
         let (plane, pairing) = match (f.get("matrix"), f.get("plane_xyw")) {
             (Some(m), _) => (vector(&f["plane"]), Isometry::linear(matrix(m))),
             (None, plane) => {
@@ -94,9 +117,15 @@ pub fn reference_faces(entry: &Value) -> Vec<Face> {
     listed("faces").iter().map(face).collect()
 }
 
+/// The generators of an entry with one for each pair of faces, in their order.
+fn generator_names(entry: &Value) -> [&'static str; 3] {
+    if entry["generators"].get("b1").is_some() { ["b1", "b2", "Phi3"] } else { ["Phi1", "Phi2", "Phi3"] }
+}
+
 #[test]
 fn spaces_have_the_reference_planes_and_pairings() {
-    for name in classical_names() {
+    assert_eq!(known_names().len(), all_references().len() - 1, "the reference has one mirrored cube more");
+    for name in known_names() {
         let space = catalogue::find(name).expect("named space");
         let reference = reference(name);
         assert_eq!(space.geometry.name(), reference["geometry"], "{name}");
@@ -147,6 +176,9 @@ fn spaces_whole_geometry_has_nothing_to_check() {
         let error = check(&space).expect_err("nothing is glued");
         assert_names(&error, "cell 0 has no faces: it is the whole geometry");
     }
+    let sphere = catalogue::whole(GeometryId::from_name("s2xr").expect("a geometry"));
+    assert_eq!(sphere.cells.len(), 6, "a chart shows a hemisphere");
+    assert_names(&check(&sphere).expect_err("it has no end"), "cell 0: the cell is not bounded");
 }
 
 #[test]
@@ -218,6 +250,11 @@ fn compare_fibred(entry: &Value, report: &Report) {
         "genus2xs1" => (&[0; 5], &[(4, 4), (8, 1)]),
         // The diagonals of the sheared faces and the edges that they are shifted to, and those of a cube.
         "nil-heisenberg" => (&[0; 2], &[(3, 2), (4, 2)]),
+        // A − 1 is invertible over the integers, so the torus has no homology left; the sides and the lattice's lines
+        // that they are taken to.
+        "sol-golden" => (&[0], &[(3, 6), (4, 1)]),
+        // Two generators for each handle, and the fibre, of which the relation makes two turns: the Euler number.
+        "sl2-genus2-tangent" => (&[2, 0, 0, 0, 0], &[(3, 16), (8, 4)]),
         _ => panic!("nothing is known of {name}"),
     };
     assert_eq!(report.homology, homology, "{name}");
@@ -230,9 +267,140 @@ fn compare_fibred(entry: &Value, report: &Report) {
 
 #[test]
 fn spaces_check_agrees_with_the_reference() {
-    for name in classical_names() {
+    for name in known_names() {
         compare(&reference(name), &catalogue::find(name).expect("named space"));
     }
+}
+
+/// Evaluates words, gives deviations of one from another and images of points, in the geometry of a space.
+struct Words<'a> {
+    space: &'a Space,
+    /// Words as faces crossed from the last letter to the first, two by two.
+    equal: Vec<[Vec<usize>; 2]>,
+    /// Points, and what the reference's rule of reduction makes of them.
+    reduced: Vec<[DVec4; 2]>,
+}
+
+impl Visitor for Words<'_> {
+    type Output = f64;
+    fn visit<G: Geometry>(self, geometry: G) -> f64 {
+        let faces = &self.space.cells[0].faces;
+        let word = |letters: &[usize]| {
+            letters.iter().fold(Isometry::IDENTITY, |m, &face| geometry.compose(&m, &faces[face].pairing))
+        };
+        let equal = self.equal.iter().map(|[a, b]| {
+            let (a, b) = (word(a), word(b));
+            largest(a.linear - b.linear).max((a.shift - b.shift).abs().max_element()) / largest(a.linear).powi(2)
+        });
+        let domain = Domain::new(self.space);
+        let reduced = self.reduced.iter().map(|[point, wanted]| {
+            let axes = geometry.frame(*point);
+            let frame = reduce_frame(geometry, &domain, Frame { cell: 0, point: *point, axes }).expect("it is reduced");
+            (frame.point - *wanted).abs().max_element()
+        });
+        equal.chain(reduced).fold(0.0, f64::max)
+    }
+}
+
+/// The letters of a word such as `b1^2 Phi3^-1` as faces; a face's pairing is the inverse of its generator for even
+/// faces.
+fn letters(entry: &Value, word: &str) -> Vec<usize> {
+    let names = generator_names(entry);
+    let letter = |token: &str| {
+        let (name, power) = token.split_once('^').unwrap_or((token, "1"));
+        let power: i32 = power.parse().expect("a power");
+        let pair = names.iter().position(|n| *n == name).expect("a generator");
+        vec![2 * pair + usize::from(power > 0); power.unsigned_abs() as usize]
+    };
+    word.split(' ').flat_map(letter).collect()
+}
+
+/// Relations, and the rules that bring points back into the cell, of the spaces that are not glued face to face.
+#[test]
+fn spaces_relations_and_reductions_are_those_of_the_reference() {
+    let mut random = Random(77);
+    for name in ["nil-heisenberg", "sol-golden", "sl2-genus2-tangent"] {
+        let (entry, space) = (reference(name), catalogue::find(name).expect("named space"));
+        let mut equal = Vec::new();
+        for relation in entry.get("edge_relations").and_then(Value::as_array).into_iter().flatten() {
+            let (left, right) = relation.as_str().expect("a relation").split_once(" = ").expect("two sides");
+            equal.push([letters(&entry, left), letters(&entry, right)]);
+        }
+        if let Some(word) = entry["checks"].get("relation_word") {
+            let word: Vec<usize> =
+                word.as_array().expect("faces").iter().map(|f| f.as_u64().expect("a face") as usize).collect();
+            let turns = number(&entry["checks"]["relation_is_fibre_turns"]) as usize;
+            let one_way = vec![8; turns];
+            // The reference leaves the sign to conventions.
+            let deviation = |turns: Vec<usize>| {
+                let words = Words { space: &space, equal: vec![[word.clone(), turns]], reduced: Vec::new() };
+                visit(space.geometry, words)
+            };
+            let off = deviation(one_way).min(deviation(vec![9; turns]));
+            assert!(off < 1e-10, "{name}: the relation is off by {off}");
+            assert!(deviation(vec![]) > 1e-6, "{name}: the relation lifts to no turn at all");
+        }
+        let reduced = (0..200).map(|_| {
+            let [x, y, z] = [0; 3].map(|_| random.within(-4.0, 4.0));
+            let wanted = match name {
+                "nil-heisenberg" => {
+                    let (a, rest) = (x.floor(), z - x.floor() * y);
+                    DVec3::new(x - a, y - y.floor(), rest - rest.floor())
+                }
+                "sol-golden" => {
+                    let sigma = number(&entry["sigma"]);
+                    let [b1, b2] = ["b1", "b2"].map(|b| DVec2::new(number(&entry[b][0]), number(&entry[b][1])));
+                    let n = (z / sigma).floor();
+                    let flat = DVec2::new(x * (-n * sigma).exp(), y * (n * sigma).exp());
+                    let flat = flat - b1 * b1.dot(flat).floor() - b2 * b2.dot(flat).floor();
+                    flat.extend(z - n * sigma)
+                }
+                // Along the fibre of the base point.
+                _ => {
+                    return [
+                        DVec4::new(0.0, 0.0, 9.0 * z, 1.0),
+                        DVec4::new(0.0, 0.0, 9.0 * z - TAU * (9.0 * z / TAU).round(), 1.0),
+                    ];
+                }
+            };
+            [DVec4::new(x, y, z, 1.0), wanted.extend(1.0)]
+        });
+        let reduced: Vec<[DVec4; 2]> = reduced.collect();
+        let spoiled = reduced.iter().map(|[p, q]| [*p, *q + DVec4::Y * 1e-9]).collect();
+        let off = visit(space.geometry, Words { space: &space, equal: equal.clone(), reduced });
+        assert!(off < 1e-11, "{name}: off by {off}");
+        assert!(visit(space.geometry, Words { space: &space, equal, reduced: spoiled }) > 5e-10, "{name}");
+    }
+}
+
+/// Gluings that are not face to face are refused where their parts do not fit.
+#[test]
+fn spaces_damaged_bundles_are_caught() {
+    for name in ["nil-heisenberg", "sol-golden", "sl2-genus2-tangent"] {
+        let faces = catalogue::find(name).expect("space").cells[0].faces.len();
+        for face in 0..faces {
+            let moved = damaged(name, |f| f[face].plane.w += 1e-5);
+            assert_names(&moved, "face ");
+            let shifted = damaged(name, |f| match name {
+                "sl2-genus2-tangent" => f[face].pairing.shift.z += 1e-5,
+                _ => f[face].pairing.linear.w_axis.z += 1e-5,
+            });
+            assert_names(&shifted, "face ");
+        }
+    }
+    // With two turns of the fibre in a cell the relation makes one round of it, and with three none that closes.
+    let several = |turns: f64| {
+        let mut space = catalogue::find("sl2-genus2-tangent").expect("space");
+        for (face, sign) in [(8, 1.0), (9, -1.0)] {
+            space.cells[0].faces[face].plane.w = -turns * PI;
+            space.cells[0].faces[face].pairing.shift.z = -sign * turns * TAU;
+        }
+        check(&space)
+    };
+    let two = several(2.0).expect("it closes");
+    assert_eq!(two.homology, [0; 4]);
+    assert!((two.volume / (16.0 * PI * PI) - 1.0).abs() < 1e-12);
+    assert_names(&several(3.0).expect_err("the relation does not close"), "face");
 }
 
 #[test]

@@ -5,14 +5,13 @@
 //! and times e^T in H3. Rounding happens at every face, so the linear spaces get a factor for the number of faces;
 //! in H3 the first faces dominate, because later errors have less length to grow. Products with a line behave like
 //! their surface and the line together, where a hyperbolic cell with large pairings repeats the rounding of their
-//! entries at every face; in Nil an error in the plane is multiplied by the plane's extent in the fibre.
+//! entries at every face; in Nil an error in the plane is multiplied by the plane's extent in the fibre. Sol and the
+//! universal cover of SL(2, R) part geodesics like hyperbolic planes do.
 
-use crate::{
-    big::{Big, Big4, BigGeodesic, Classical, Model, Nil, Product, distance},
-    support::{self, Random},
-};
+use crate::support::{self, Random};
 use holonomy::{
     geometry::{Geodesic, Geometry, Visitor, visit},
+    measure::reference::{Big, Big4, BigGeodesic, Classical, Model, Nil, Product, SL2, SOL, distance, sl2_product},
     space::{
         Space, catalogue,
         domain::Domain,
@@ -42,6 +41,8 @@ fn model(space: &Space) -> &'static dyn Model {
         "s2xr" => &Product(1),
         "h2xr" => &Product(-1),
         "nil" => &Nil,
+        "sol" => SOL,
+        "sl2" => SL2,
         other => panic!("{other} has no reference here"),
     }
 }
@@ -91,8 +92,8 @@ fn cases(space: &Space) -> Vec<Case> {
 }
 
 /// Runs the cases, batch by batch of equal cells.
-fn run_batch(name: &str, n: usize, cases: &[Case]) -> Vec<Value> {
-    let line = |c: &Case| json!({ "from": c.from[..n], "direction": c.direction[..n], "length": c.length });
+fn run_batch(name: &str, [n, m]: [usize; 2], cases: &[Case]) -> Vec<Value> {
+    let line = |c: &Case| json!({ "from": c.from[..n], "direction": c.direction[..m], "length": c.length });
     let mut results = vec![Value::Null; cases.len()];
     let cells: std::collections::BTreeSet<usize> = cases.iter().map(|c| c.cell).collect();
     for cell in cells {
@@ -105,27 +106,45 @@ fn run_batch(name: &str, n: usize, cases: &[Case]) -> Vec<Value> {
     results
 }
 
-/// A pairing: rows of the linear part, and the shift.
-struct BigIsometry {
-    rows: [Big4; 4],
-    shift: Big4,
+/// A pairing.
+enum BigIsometry {
+    /// Rows of the linear part, and the shift.
+    Matrix { rows: Box<[Big4; 4]>, shift: Big4 },
+    /// Left multiplication in the universal cover of SL(2, R).
+    Left(Big4),
 }
 
 impl BigIsometry {
-    /// Directions of Nil are left alone by left multiplications; all others are moved by the linear part.
+    fn matrix(rows: [Big4; 4], shift: Big4) -> Self {
+        Self::Matrix { rows: Box::new(rows), shift }
+    }
+
+    /// Directions of groups are left alone by left multiplications; all others are moved by the linear part.
     fn apply(&self, model: &dyn Model, g: &BigGeodesic) -> BigGeodesic {
-        let moved = |v: &Big4| -> Big4 { std::array::from_fn(|i| (0..4).map(|j| &self.rows[i][j] * &v[j]).sum()) };
-        let point = moved(&g.point);
-        let direction = if model.name() == "nil" { g.direction.clone() } else { moved(&g.direction) };
-        BigGeodesic { point: std::array::from_fn(|i| &point[i] + &self.shift[i]), direction }
+        let (rows, shift) = match self {
+            Self::Matrix { rows, shift } => (rows, shift),
+            Self::Left(by) => {
+                return BigGeodesic { point: sl2_product(by, &g.point), direction: g.direction.clone() };
+            }
+        };
+        let moved = |v: &Big4| -> Big4 { std::array::from_fn(|i| (0..4).map(|j| &rows[i][j] * &v[j]).sum()) };
+        // Where three numbers are a point the fourth is 1.
+        let mut start = g.point.clone();
+        if model.components()[0] == 3 {
+            start[3] = Big::new(1.0);
+        }
+        let point = moved(&start);
+        let stays = ["nil", "sol"].contains(&model.name());
+        let direction = if stays { g.direction.clone() } else { moved(&g.direction) };
+        BigGeodesic { point: std::array::from_fn(|i| &point[i] + &shift[i]), direction }
     }
 }
 
 /// The pairings to 40 digits from the reference data; those of the space itself where all entries are integers.
 fn pairings(space: &Space) -> Vec<BigIsometry> {
-    let exact = |m: &holonomy::geometry::Isometry| BigIsometry {
-        rows: std::array::from_fn(|i| m.linear.row(i).to_array().map(Big::new)),
-        shift: m.shift.to_array().map(Big::new),
+    let exact = |m: &holonomy::geometry::Isometry| {
+        let rows = std::array::from_fn(|i| m.linear.row(i).to_array().map(Big::new));
+        BigIsometry::matrix(rows, m.shift.to_array().map(Big::new))
     };
     let whole = space.faces().all(|(_, f)| f.pairing.linear.to_cols_array().iter().all(|x| x.fract() == 0.0));
     if whole {
@@ -136,17 +155,40 @@ fn pairings(space: &Space) -> Vec<BigIsometry> {
     let entry = spaces.iter().find(|s| s["name"] == *space.name).expect("the space is in the reference data");
     let number = |x: &Value| Big::parse(x.as_str().expect("a decimal number"));
     let zero = || Big::new(0.0);
-    let isometry = |face: &Value| match face.get("matrix") {
-        Some(m) => BigIsometry {
-            rows: std::array::from_fn(|i| std::array::from_fn(|j| number(&m[i][j]))),
-            shift: [0; 4].map(|_| zero()),
-        },
-        None => {
+    if space.geometry.name() == "sol" {
+        // Left multiplications by one generator for each pair of faces, and their inverses.
+        let translation = |[x, y, z]: [Big; 3]| {
+            let (sinh, cosh) = z.sinh_cosh();
+            let one = || Big::new(1.0);
+            let rows = [
+                [&cosh + &sinh, zero(), zero(), x],
+                [zero(), &cosh - &sinh, zero(), y],
+                [zero(), zero(), one(), z],
+                [zero(), zero(), zero(), one()],
+            ];
+            BigIsometry::matrix(rows, [0; 4].map(|_| zero()))
+        };
+        let step = |name: &str| -> [Big; 3] { std::array::from_fn(|i| number(&entry["generators"][name][i])) };
+        let both = |name| [step(name).map(|x| -&x), step(name)].map(translation);
+        return ["b1", "b2", "Phi3"].into_iter().flat_map(both).collect();
+    }
+    let isometry = |face: &Value| match (face.get("matrix"), face.get("left_factor")) {
+        (Some(m), _) => BigIsometry::matrix(
+            std::array::from_fn(|i| std::array::from_fn(|j| number(&m[i][j]))),
+            [0; 4].map(|_| zero()),
+        ),
+        (None, Some(by)) => BigIsometry::Left(std::array::from_fn(|i| number(&by[i]))),
+        (None, None) if face.get("map").is_some() => {
+            // A turn of the fibre, back for the first of the two faces.
+            let turn = &Big::new(if face["face"] == 8 { -2.0 } else { 2.0 }) * &zero().atan2(&Big::new(-1.0));
+            BigIsometry::Left([zero(), zero(), turn, Big::new(1.0)])
+        }
+        (None, None) => {
             let m = &face["matrix_xyw"];
             let row = |i: usize| [number(&m[i][0]), number(&m[i][1]), zero(), number(&m[i][2])];
             let line = [zero(), zero(), Big::new(1.0), zero()];
             let shift = [zero(), zero(), number(&face["z_shift"]), zero()];
-            BigIsometry { rows: [row(0), row(1), line, row(2)], shift }
+            BigIsometry::matrix([row(0), row(1), line, row(2)], shift)
         }
     };
     entry["faces"].as_array().expect("faces").iter().map(isometry).collect()
@@ -176,9 +218,9 @@ fn worst(name: &str, spoil: f64) -> f64 {
         space.faces().flat_map(|(_, f)| f.pairing.linear.to_cols_array()).fold(1.0, |a: f64, x| a.max(x.abs()));
     let cases = cases(&space);
     // Where the last passage is one of two at once there is no case.
-    assert!(cases.len() >= if model.name() == "nil" { 100 } else { 140 });
-    let n = space.geometry.components();
-    let results = run_batch(name, n, &cases);
+    let sheared = ["nil", "sol", "sl2"].contains(&model.name());
+    assert!(cases.len() >= if sheared { 100 } else { 140 }, "{name}: {} cases", cases.len());
+    let results = run_batch(name, model.components(), &cases);
     assert_eq!(results.len(), cases.len());
     let mut worst = 0.0_f64;
     for (case, result) in cases.iter().zip(&results) {
@@ -196,7 +238,7 @@ fn worst(name: &str, spoil: f64) -> f64 {
         let linear = (1.0 + case.length) * (1 + faces.len()) as f64;
         let growth = match model.name() {
             "h3" => case.length.exp(),
-            "h2xr" => largest * case.length.exp(),
+            "h2xr" | "sol" | "sl2" => largest * case.length.exp(),
             "s3" => (1 + faces.len()) as f64,
             "nil" => (1.0 + case.length) * linear,
             _ => linear,
@@ -206,7 +248,7 @@ fn worst(name: &str, spoil: f64) -> f64 {
             let mut v: Vec<f64> = result[key].as_array().expect(key).iter().filter_map(Value::as_f64).collect();
             v[0] += spoil;
             // Where three numbers are shown the fourth says point or vector.
-            if n == 3 {
+            if v.len() == 3 {
                 v.push(end.point[3].to_f64() * f64::from(u8::from(key == "point")));
             }
             v
@@ -242,7 +284,7 @@ fn transport_spoiled_results_are_caught() {
 fn transport_comes_back() {
     for name in catalogue::NAMES {
         let space = catalogue::find(name).expect("a catalogue space");
-        let n = space.geometry.components();
+        let n = model(&space).components();
         let there: Vec<Case> = cases(&space).into_iter().filter(|c| (5..10).contains(&c.faces)).collect();
         let ends = run_batch(name, n, &there);
         let back: Vec<Case> = ends
@@ -268,7 +310,7 @@ fn transport_comes_back() {
             let point: Vec<f64> = home["point"].as_array().expect("numbers").iter().filter_map(Value::as_f64).collect();
             let gap = point.iter().zip(case.from).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             // Hyperbolic in a factor at least.
-            let hyperbolic = ["h3", "h2xr"].contains(&space.geometry.name());
+            let hyperbolic = ["h3", "h2xr", "sol", "sl2"].contains(&space.geometry.name());
             let growth = if hyperbolic { case.length.exp() } else { 10.0 };
             assert!(gap < 1e-13 * growth, "{name}: came back {gap:.1e} from the start");
         }

@@ -7,7 +7,8 @@
 use crate::support::{self, Random};
 use glam::{DVec3, DVec4, Vec4};
 use holonomy::{
-    geometry::{GEOMETRIES, Geodesic, Geometry, Isometry, Visitor, exponential, visit},
+    geometry::{GEOMETRIES, Geodesic, Geometry, Isometry, Real3, Visitor, exponential, visit},
+    integrate::{Dopri5, Euler, Rk4, State, Stepper},
     render::compute::probe::Probe,
     shader_io::{self as io, ProbeIn},
 };
@@ -146,6 +147,31 @@ impl Visitor for Cases<'_> {
             add("raise", io::PROBE_RAISE, [point, n, zero], 0.0, raised.to_array().into(), false);
             let lowered = geometry.lower(point, velocity);
             add("lower", io::PROBE_LOWER, state(zero), 0.0, lowered.to_array().into(), false);
+            let image = geometry.chart_vector(point, velocity);
+            let vector = geometry.unchart_vector(point, n.truncate()).to_array();
+            add("unchart_vector", io::PROBE_UNCHART_VECTOR, [point, n, zero], 0.0, vector.into(), false);
+            // The chart state that f32 holds.
+            let c = rounded(geometry.chart(point).extend(0.0));
+            let image = rounded(image.extend(0.0));
+            let start = State { c: Real3::from_f64(c.truncate()), v: Real3::from_f64(image.truncate()) };
+            let spray = geometry.spray::<f64>(start.c, start.v).to_f64();
+            add("spray", io::PROBE_SPRAY, [c, image, zero], 0.0, spray.to_array().into(), false);
+            let field = |c, v| geometry.spray::<f64>(c, v);
+            let (h, share) = ([0.02, 0.2][number % 2], [0.3, 0.5, 1.0][number % 3]);
+            let (h, share) = (f64::from(h as f32), f64::from(share as f32));
+            let euler = Euler { step: h }.step(&field, start, h);
+            let rk4 = Rk4 { step: h }.step(&field, start, h);
+            let dopri5 = Dopri5 { tolerance: 1.0 }.step(&field, start, h);
+            for (name, method, dense) in [
+                ("euler", io::INTEGRATOR_EULER, euler),
+                ("rk4", io::INTEGRATOR_RK4, rk4),
+                ("dopri5", io::INTEGRATOR_DOPRI5, dopri5),
+            ] {
+                let end = dense.at(share);
+                let expected = [end.c.to_f64().extend(0.0), end.v.to_f64().extend(0.0)].map(|v| v.to_array()).concat();
+                let how = DVec4::new(f64::from(method), share, 0.0, 0.0);
+                add(name, io::PROBE_STEP, [c, image, how], h, expected, true);
+            }
             add("apply", io::PROBE_APPLY, state(zero), 0.0, numbers(geometry.apply(self.pairing, g)), true);
             // On the face itself, where passages happen.
             let on_face = geometry.exit(Geodesic { point: base, velocity }, self.plane, f64::INFINITY);
@@ -231,6 +257,11 @@ fn twins_spoiled_results_are_caught() {
         "apply",
         "cross",
         "base",
+        "unchart_vector",
+        "spray",
+        "euler",
+        "rk4",
+        "dopri5",
     ];
     let spoil = |_: &str, found: &mut [f64]| {
         found.iter_mut().for_each(|x| if x.is_infinite() { *x = 0.0 } else { *x += 1e-3 * (1.0 + x.abs()).powi(2) })

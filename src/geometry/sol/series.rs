@@ -10,6 +10,12 @@ pub const ORDER: usize = 22;
 /// Longest step.
 pub(super) const STEP: f64 = 0.25;
 
+/// Steps of this size gain a factor 12 with each order, so that fewer make the rest as small.
+const SHORT: f64 = 0.125;
+
+/// Their order.
+const SHORT_ORDER: usize = 14;
+
 /// From this length on whole periods are counted.
 const LONG: f64 = 64.0;
 
@@ -137,6 +143,15 @@ impl Track {
         Series::new(self.velocity())
     }
 
+    /// One step of at most [`STEP`], by a series of the order that it needs: arcs are short.
+    fn advance(&mut self, h: f64) {
+        if h.abs() <= SHORT {
+            self.step(&Series::<{ SHORT_ORDER + 1 }>::new(self.velocity()), h);
+        } else {
+            self.step(&self.series(), h);
+        }
+    }
+
     pub(super) fn step<const N: usize>(&mut self, series: &Series<N>, h: f64) {
         let (end, _) = series.chart(h);
         let moved = product(DVec3::new(0.0, 0.0, self.z.value), end);
@@ -158,7 +173,7 @@ fn walk(velocity: DVec3, t: f64) -> Track {
     let mut track = Track::new(velocity);
     let (count, h) = steps(t);
     for _ in 0..count {
-        track.step(&track.series(), h);
+        track.advance(h);
     }
     track
 }

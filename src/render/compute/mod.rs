@@ -1,6 +1,7 @@
 //! The compute backend: any Vulkan 1.2 device, with the hierarchy of [`super::bvh`].
 
 pub mod probe;
+pub mod walker;
 
 use super::{
     RenderError,

@@ -5,7 +5,7 @@ use crate::{
     geometry::{Geodesic, Geometry},
     scene::Shading,
     shader_io::{COUNT_BOUNCES, COUNT_HITS, COUNT_LOST, COUNT_RAYS, COUNT_SEGMENTS, NONE, SEGMENTS_PER_BOUNCE},
-    space::walk::{Path, Status, stage_segment},
+    space::walk::{Path, Status},
 };
 use glam::DVec3;
 
@@ -34,10 +34,7 @@ impl<G: Geometry> Tracer<'_, G> {
         let mut faces = Vec::new();
         self.count(counts, COUNT_RAYS);
         while path.status == Status::Flying && path.segments < limit_of_segments {
-            let segment =
-                stage_segment(self.geometry, &self.world.domain, &mut path, settings.bounces, self.follow, |face| {
-                    faces.push(face)
-                });
+            let segment = self.segment(&mut path, settings.bounces, |face| faces.push(face));
             if let Some(segment) = segment {
                 self.count(counts, COUNT_SEGMENTS);
                 surface = self.trace_segment(&mut path, segment, counts, |face| faces.push(face));

@@ -5,7 +5,7 @@ use crate::{
     geometry::{Geodesic, Geometry},
     render::world::WorldLight,
     shader_io::{COUNT_SHADOW_RAYS, COUNT_SHADOW_SEGMENTS, MIN_LIGHT_AREA, SHADOW_BOUNCES, SHADOW_OFFSET},
-    space::walk::{Path, Status, stage_segment},
+    space::walk::{Path, Status},
 };
 use glam::DVec3;
 
@@ -34,12 +34,8 @@ impl<G: Geometry> Tracer<'_, G> {
     fn shade_occluded(&self, state: Geodesic, range: f64, cell: usize, counts: &mut Counts) -> bool {
         self.count(counts, COUNT_SHADOW_RAYS);
         let mut path = Path::new(state, cell, range);
-        let domain = &self.world.domain;
         while path.status == Status::Flying {
-            let Some(segment) = stage_segment(self.geometry, domain, &mut path, SHADOW_BOUNCES, self.follow, |_| ())
-            else {
-                break;
-            };
+            let Some(segment) = self.segment(&mut path, SHADOW_BOUNCES, |_| ()) else { break };
             self.count(counts, COUNT_SHADOW_SEGMENTS);
             self.trace_shadow_segment(&mut path, segment, counts);
         }
@@ -70,7 +66,9 @@ impl<G: Geometry> Tracer<'_, G> {
             let above = geometry.flow(Geodesic { point, velocity: surface.normal }, SHADOW_OFFSET.into());
             let (towards, to_light) = geometry.log(above.point, light.point);
             let state = Geodesic { point: above.point, velocity: towards };
-            if self.shade_occluded(state, to_light, path.cell, counts) {
+            // And to a point a little before the light: what it is fixed to does not hide it from one side at random.
+            let reach = to_light - f64::from(SHADOW_OFFSET);
+            if reach > 0.0 && self.shade_occluded(state, reach, path.cell, counts) {
                 return DVec3::ZERO;
             }
         }

@@ -3,10 +3,14 @@
 use super::traverse::Tracer;
 use crate::{
     geometry::{Geometry, Quadric, Segment},
+    integrate::{Dense, Method},
     render::world::{World, WorldQuadric},
-    scene::{Shading, Texture, Wrap},
+    scene::{Shading, Texture, Wrap, coordinate_ramp},
     shader_io::{QUADRIC_BIT, TriangleShading},
-    space::walk::{Path, Status},
+    space::{
+        stepped,
+        walk::{Path, Status},
+    },
 };
 use glam::{DVec2, DVec3, DVec4, Vec2, Vec3};
 
@@ -204,10 +208,23 @@ fn wrap(i: i64, n: i64, mode: Wrap) -> usize {
 }
 
 impl<G: Geometry> Tracer<'_, G> {
-    /// Curve parameter at which the path meets the triangle that its segment meets at `s`.
-    fn refined(&self, path: &Path, segment: Segment, [a, b, c]: [DVec3; 3], s: f64) -> f64 {
-        let normal = (b - a).cross(c - a);
-        let value = |u: f64| normal.dot(self.geometry.chart(self.geometry.advance(path.state, u).point) - a);
+    /// The step of the integrator that the path is on; none where rays follow the geometry's own flow.
+    fn step_of(&self, path: &Path) -> Option<Dense<f64>> {
+        let method = self.uses.method;
+        (method != Method::Exact).then(|| stepped::current(self.geometry, method, path))
+    }
+
+    /// Curve parameter at which the path meets a plane of the chart, given by a normal and a point, that its segment meets
+    /// at `s`.
+    fn refined(&self, path: &Path, segment: Segment, (normal, corner): (DVec3, DVec3), s: f64) -> f64 {
+        let dense = self.step_of(path);
+        let value = |u: f64| {
+            let at = match &dense {
+                Some(dense) => dense.point(u / dense.h).to_f64(),
+                None => self.geometry.chart(self.geometry.advance(path.state, u).point),
+            };
+            normal.dot(at - corner)
+        };
         let rate = normal.dot(segment.tangent(s));
         refine(value, s * path.u_end, rate / path.u_end, path.u_end, REFINE_STEPS)
     }
@@ -223,14 +240,23 @@ impl<G: Geometry> Tracer<'_, G> {
 
         // The state at the hit, on the geodesic itself.
         let (mut at, tangent) = (segment.at(s), segment.tangent(s));
-        let u = if G::STRAIGHT {
+        let u = if G::STRAIGHT && self.uses.method == Method::Exact {
             self.geometry.parameter(path.state, at)
+        } else if is_quadric {
+            // The point that the segment meets is where the curve passes the plane through it, across.
+            self.refined(path, segment, (segment.direction, at), s)
         } else {
-            self.refined(path, segment, self.meshes.triangles[reference as usize], s)
+            let [a, b, c] = self.meshes.triangles[reference as usize];
+            self.refined(path, segment, ((b - a).cross(c - a), a), s)
         };
-        path.travelled += self.geometry.length(path.state, u);
-        path.state = self.geometry.advance(path.state, u);
         path.status = Status::Hit;
+        match self.step_of(path) {
+            Some(dense) => stepped::arrive(self.geometry, &dense, path, u),
+            None => {
+                path.travelled += self.geometry.length(path.state, u);
+                path.state = self.geometry.advance(path.state, u);
+            }
+        }
         if !G::STRAIGHT {
             at = self.geometry.chart(path.state.point);
         }
@@ -273,6 +299,11 @@ impl<G: Geometry> Tracer<'_, G> {
         surface.emission = material.emission.map(f64::from).into();
         surface.metallic = material.metallic.into();
         surface.roughness = material.roughness.into();
+        if self.uses.coordinates {
+            let (scale, shift) = coordinate_ramp(material);
+            let place = self.geometry.chart(path.state.point) * scale + shift;
+            surface.base_color *= place.clamp(DVec3::ZERO, DVec3::ONE);
+        }
         if self.uses.textures {
             if let Some(texture) = material.base_texture {
                 surface.base_color *= bilinear(&self.world.textures[texture], uv).truncate();

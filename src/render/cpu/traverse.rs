@@ -5,7 +5,8 @@ use super::{
     surface::{NO_HIT, Surface, is_hole, quadric_hit, triangle_hit},
 };
 use crate::{
-    geometry::{Geometry, Segment},
+    geometry::{Geometry, Isometry, Segment},
+    integrate::Method,
     render::{
         Shot,
         bvh::{Tree, child_of},
@@ -14,7 +15,10 @@ use crate::{
     },
     scene::Shading,
     shader_io::{COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, QUADRIC_BIT, SHADOW_BOUNCES, STACK_SIZE},
-    space::walk::{Follow, Path, Status, stage_transport},
+    space::{
+        stepped,
+        walk::{Follow, Path, Status, stage_segment, stage_transport},
+    },
 };
 use glam::DVec3;
 
@@ -36,6 +40,7 @@ pub(super) struct Uses {
     pub quadrics: bool,
     pub alpha_mask: bool,
     pub textures: bool,
+    pub coordinates: bool,
     pub lights: bool,
     pub shadows: bool,
     pub headlight: bool,
@@ -43,6 +48,7 @@ pub(super) struct Uses {
     pub max_distance: bool,
     pub counters: bool,
     pub shading: Shading,
+    pub method: Method,
 }
 
 impl<'a, G: Geometry> Tracer<'a, G> {
@@ -54,6 +60,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
             quadrics: plan.uses(Feature::Quadrics),
             alpha_mask: plan.uses(Feature::AlphaMask),
             textures: plan.uses(Feature::Textures),
+            coordinates: plan.uses(Feature::Coordinates),
             lights: plan.uses(Feature::Lights),
             shadows: plan.uses(Feature::Shadows),
             headlight: plan.uses(Feature::Headlight),
@@ -61,6 +68,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
             max_distance: plan.uses(Feature::MaxDistance),
             counters: plan.uses(Feature::Counters),
             shading: plan.shading,
+            method: plan.method,
         };
         Self {
             geometry,
@@ -73,9 +81,31 @@ impl<'a, G: Geometry> Tracer<'a, G> {
         }
     }
 
+    /// The pairing of a face.
+    pub fn pairing(&self, face: usize) -> &Isometry {
+        &self.world.domain.faces[face].pairing
+    }
+
     pub(super) fn count(&self, counts: &mut Counts, what: u32) {
         if self.uses.counters {
             counts[what as usize] += 1;
+        }
+    }
+
+    /// The next segment of a path, by the plan's method.
+    pub(super) fn segment(&self, path: &mut Path, bounces: u32, crossed: impl FnMut(usize)) -> Option<Segment> {
+        let (geometry, domain, follow) = (self.geometry, &self.world.domain, self.follow);
+        match self.uses.method {
+            Method::Exact => stage_segment(geometry, domain, path, bounces, follow, crossed),
+            method => stepped::stage_segment(geometry, domain, path, bounces, follow, method, crossed),
+        }
+    }
+
+    /// Moves a path on to its segment's end, by the plan's method.
+    fn transport(&self, path: &mut Path, bounces: u32, crossed: impl FnMut(usize)) {
+        match self.uses.method {
+            Method::Exact => stage_transport(self.geometry, &self.world.domain, path, bounces, crossed),
+            method => stepped::stage_transport(self.geometry, &self.world.domain, path, bounces, method, crossed),
         }
     }
 
@@ -88,9 +118,12 @@ impl<'a, G: Geometry> Tracer<'a, G> {
         crossed: impl FnMut(usize),
     ) -> Option<Surface> {
         match self.traverse(segment, self.hierarchy.trees[path.cell], false, counts) {
-            Some(reference) => Some(self.stage_closest_hit(path, segment, reference)),
+            Some(reference) => {
+                let surface = self.stage_closest_hit(path, segment, reference);
+                (path.status == Status::Hit).then_some(surface)
+            }
             None => {
-                stage_transport(self.geometry, &self.world.domain, path, self.world.settings.bounces, crossed);
+                self.transport(path, self.world.settings.bounces, crossed);
                 None
             }
         }
@@ -101,7 +134,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
         if self.traverse(segment, self.hierarchy.trees[path.cell], true, counts).is_some() {
             path.status = Status::Hit;
         } else {
-            stage_transport(self.geometry, &self.world.domain, path, SHADOW_BOUNCES, |_| ());
+            self.transport(path, SHADOW_BOUNCES, |_| ());
         }
     }
 

@@ -7,7 +7,7 @@ use crate::{
         plan::Feature,
         world::{World, WorldCell, WorldQuadric, meshes::Meshes},
     },
-    scene::{Material, Wrap},
+    scene::{Material, Wrap, coordinate_ramp},
     shader_io::{self as io, NONE, binding},
     space::domain::DomainFace,
 };
@@ -135,7 +135,8 @@ pub fn quadric_shading(quadric: &WorldQuadric) -> io::QuadricShading {
     }
 }
 
-fn face(face: &DomainFace) -> io::Face {
+/// A face with its pairing.
+pub fn face(face: &DomainFace) -> io::Face {
     io::Face { plane: vec4(face.plane), cell: face.cell as u32, ..pairing(&face.folded) }
 }
 
@@ -150,6 +151,7 @@ pub fn pairing(isometry: &Isometry) -> io::Face {
 
 fn material(material: &Material) -> io::Material {
     let texture = |index: Option<usize>| index.map_or(NONE, |i| i as u32);
+    let (scale, shift) = coordinate_ramp(material);
     io::Material {
         base_color: material.base_color,
         emission: material.emission,
@@ -158,6 +160,8 @@ fn material(material: &Material) -> io::Material {
         alpha_cutoff: material.alpha_cutoff.unwrap_or(-1.0),
         base_texture: texture(material.base_texture),
         surface_texture: texture(material.surface_texture),
+        coordinate_scale: vec3(scale),
+        coordinate_shift: vec3(shift),
     }
 }
 

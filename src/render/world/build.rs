@@ -4,6 +4,7 @@ use super::{
     Mover, Pose, World, WorldCell, WorldError, WorldLight, WorldQuadric,
     meshes::{Meshes, RestMesh},
     place::{Balls, Copy, Corners, Sphere, copies},
+    shapes::grid_lines,
 };
 use crate::{
     geometry::{Geodesic, Geometry, Isometry, Visitor, carry, visit},
@@ -130,7 +131,7 @@ impl<'a, G: Geometry> Builder<'a, G> {
     fn build(mut self, pose: Pose) -> Result<World, WorldError> {
         self.place_objects(pose)?;
         self.check_number(&self.meshes)?;
-        let is_quadric = |object: &Object| !matches!(object.shape, Shape::Mesh(_));
+        let is_quadric = |object: &Object| !object.shape.is_flat();
         let quadrics_move = self.scene.objects.iter().any(|object| is_quadric(object) && object.moves());
         let (lights, light_ranges) = self.lights()?;
         let sagitta = sagitta(self.meshes.triangles.iter());
@@ -188,7 +189,7 @@ impl<'a, G: Geometry> Builder<'a, G> {
     fn place_objects(&mut self, pose: Pose) -> Result<(), WorldError> {
         for (index, object) in self.scene.objects.iter().enumerate() {
             // Quadrics are few and are all placed again in each pose; triangles only where they move.
-            let divided = matches!(object.shape, Shape::Mesh(_)) || !self.has_quadrics();
+            let divided = object.shape.is_flat() || !self.has_quadrics();
             if divided && !object.moves() && matches!(self.motions, Motions::Again(_)) {
                 continue;
             }
@@ -212,6 +213,12 @@ impl<'a, G: Geometry> Builder<'a, G> {
                     self.add_tube(index, object, frame.cell, axis, length, radius)?;
                 }
                 Shape::DomainEdges { radius } => self.add_edges(index, object, frame.cell, radius)?,
+                Shape::DomainFaces { width, face } => self.add_faces(index, object, frame.cell, width, face)?,
+                Shape::Grid { lower, upper, lines, radius } => {
+                    for ends in grid_lines(lower, upper, lines) {
+                        self.add_line(index, object, frame.cell, ends, radius)?;
+                    }
+                }
             }
         }
         self.quadrics.sort_by_key(|q| (q.cell, q.material));

@@ -7,6 +7,7 @@
 
 mod build;
 mod embed;
+mod faces;
 pub mod hierarchy;
 pub mod meshes;
 mod place;
@@ -168,11 +169,14 @@ pub enum WorldError {
     /// A ball or a tube is wider than the geodesics that make it can be drawn.
     #[error("{0}: the radius {1} is too large here: geodesics of this length meet again or leave the chart")]
     TooWide(String, f64),
-    /// The edges of a cell without end.
-    #[error("{0}: the cell has no end, and so its edges cannot be drawn")]
+    /// The edges or faces of a cell without end.
+    #[error("{0}: the cell has no end, and so its edges and faces cannot be drawn")]
     NoEdges(String),
-    /// A cell's vertices lie outside of the chart.
-    #[error("{0}: a vertex of the cell lies outside of the chart")]
+    /// A face that the cell does not have.
+    #[error("{0}: the cell has no face {1}, its faces are 0 to {2}")]
+    NoFace(String, usize, usize),
+    /// A cell's vertices, or the ends of a grid's lines, lie outside of the chart.
+    #[error("{0}: a vertex lies outside of the chart")]
     OutsideChart(String),
     /// More primitives than references can name.
     #[error("the scene has {0} triangles and quadrics in its cells, but at most {1} can be told apart")]

@@ -39,7 +39,7 @@ pub fn copies<G: Geometry>(
     extent: &impl Extent<G>,
     name: &str,
 ) -> Result<Vec<Copy>, WorldError> {
-    let mut elements = Elements::new(geometry, cell);
+    let mut elements = Elements::new(geometry, domain, cell);
     let mut found = Vec::new();
     let mut queue = VecDeque::from([0]);
     while let Some(index) = queue.pop_front() {

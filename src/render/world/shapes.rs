@@ -29,6 +29,12 @@ impl<G: Geometry> Builder<'_, G> {
         if geometry.ball(centre, radius).is_none() {
             return self.add_surface(index, object, cell, tessellate::ball(geometry, centre, radius), radius);
         }
+        // Beyond the length at which geodesics from the centre meet again, or leave the numbers, there is no such ball.
+        let across = Geodesic { point: centre, velocity: geometry.frame(centre)[0] };
+        let off = (geometry.distance(centre, geometry.flow(across, radius).point) - radius).abs();
+        if off.is_nan() || off > 1e-6 * radius {
+            return Err(WorldError::TooWide(object.name.clone(), radius));
+        }
         let extent = Balls { centres: &[centre], radius };
         let copies = copies(geometry, &self.domain, cell, &extent, &object.name)?;
         for copy in &copies {
@@ -62,6 +68,28 @@ impl<G: Geometry> Builder<'_, G> {
             self.add_ball(index, object, cell, end, radius)?;
         }
         Ok(())
+    }
+
+    /// A tube around a straight line of the chart, open at its ends.
+    pub(super) fn add_line(
+        &mut self,
+        index: usize,
+        object: &Object,
+        cell: usize,
+        ends: [DVec3; 2],
+        radius: f64,
+    ) -> Result<(), WorldError> {
+        let geometry = self.geometry;
+        let [Some(a), Some(b)] = ends.map(|c| geometry.unchart(c)) else {
+            return Err(WorldError::OutsideChart(object.name.clone()));
+        };
+        let (velocity, length) = geometry.log(a, b);
+        let axis = Geodesic { point: a, velocity };
+        if G::STRAIGHT && geometry.tube(axis, radius).is_some() {
+            return self.add_quadric_tube(index, object, cell, axis, length, radius);
+        }
+        let surface = tessellate::tube(geometry, |t| chart_line(geometry, ends, t), radius);
+        self.add_surface(index, object, cell, surface, radius).map(|_| ())
     }
 
     /// Tubes around the edges of a cell, and balls at its vertices.
@@ -187,6 +215,30 @@ impl<G: Geometry> Builder<'_, G> {
         let rest = RestMesh { object: index as u32, frame, vertices: surface.placed, triangles };
         self.add_divided(object, rest)
     }
+}
+
+/// The lines of a grid, along x, then y, then z.
+pub(super) fn grid_lines(lower: DVec3, upper: DVec3, lines: [u32; 3]) -> Vec<[DVec3; 2]> {
+    let place = |axis: usize, i: u32| {
+        let share = if lines[axis] == 1 { 0.5 } else { f64::from(i) / f64::from(lines[axis] - 1) };
+        lower[axis] + (upper[axis] - lower[axis]) * share
+    };
+    let mut all = Vec::new();
+    for along in (0..3).filter(|&along| lower[along] < upper[along]) {
+        let [first, second] = [(along + 1) % 3, (along + 2) % 3];
+        for i in 0..lines[first] {
+            for j in 0..lines[second] {
+                let end = |corner: DVec3| {
+                    let mut end = corner;
+                    end[first] = place(first, i);
+                    end[second] = place(second, j);
+                    end
+                };
+                all.push([end(lower), end(upper)]);
+            }
+        }
+    }
+    all
 }
 
 /// A point of the straight line of the chart between two of its points, with the unit tangent.

@@ -59,7 +59,7 @@ pub(super) fn edge_cycles<G: Geometry>(glued: &Glued<'_, G>) -> Result<Vec<EdgeC
             for wedge in &round {
                 seen.extend(edge_index(glued, *wedge).map(|e| (wedge.cell, e)));
             }
-            cycles.push(full_turn(glued, cell, edge.faces, &round)?);
+            cycles.push(full_turn(glued, cell, index, &round)?);
         }
     }
     Ok(cycles)
@@ -90,12 +90,13 @@ fn one_round<G: Geometry>(glued: &Glued<'_, G>, start: Wedge) -> Result<Vec<Wedg
 fn full_turn<G: Geometry>(
     glued: &Glued<'_, G>,
     cell: usize,
-    faces: [usize; 2],
+    index: usize,
     round: &[Wedge],
 ) -> Result<EdgeCycle, CheckError> {
     let geometry = glued.geometry;
+    let faces = glued.shapes[cell].edges[index].faces;
     let [from, to] = round[0].ends.map(|v| glued.shapes[cell].vertices[v]);
-    let corners = [from, 0.5 * (from + to), to];
+    let corners = [from, glued.middles[cell][index], to];
     // Corners are points of the geometry, and so is what lies between them.
     let mut points = corners.map(|c| geometry.unchart(c).unwrap_or(DVec4::NAN));
     let mut angles = [0.0; 3];

@@ -2,10 +2,12 @@
 //!
 //! A face is taken by its pairing onto the plane of its partner, but perhaps only partly onto the partner: what sticks
 //! out there lies beyond other faces of that cell, and their pairings take it on, until every part of the face has found
-//! the face of a cell that it is glued to. The parts are convex polygons. Corners of one part in the middle of a side
-//! of another are added there, and their images under the pairings with them, until all parts of all cells meet in
-//! whole edges. A split that misses a part, or counts one twice, does not close to a polyhedron.
+//! the face of a cell that it is glued to. The sides of parts are images of straight pieces of the chart (module
+//! `outline`): curves, where isometries bend lines. Corners of one part in the middle of a side of another are added
+//! there, and their images under the pairings with them, until all parts of all cells meet in whole edges. A split that
+//! misses a part, or counts one twice, does not close to a polyhedron.
 
+use super::outline::{Outline, Side, area, carried, clipped, samples};
 use super::{TOLERANCE, deviation, image, largest};
 use crate::geometry::{Geometry, Isometry};
 use crate::space::polyhedron::Polyhedron;
@@ -29,17 +31,22 @@ struct Part {
     pairing: Isometry,
     /// The face there.
     onto: FaceId,
-    /// Its corners in its own cell, counter-clockwise seen from outside.
-    outline: Vec<DVec3>,
+    /// Its sides in its own cell, counter-clockwise seen from outside.
+    outline: Outline,
 }
 
-/// The space with its faces split until they are glued face to face, and the shapes of its cells. `None` where no
-/// splitting does that.
-pub(super) fn face_to_face<G: Geometry>(
-    geometry: G,
-    space: &Space,
-    shapes: &[Polyhedron],
-) -> Option<(Space, Vec<Polyhedron>)> {
+/// A space whose faces are split until they are glued face to face.
+pub(super) struct Split {
+    /// The space.
+    pub(super) space: Space,
+    /// The shapes of its cells, with the parts for faces.
+    pub(super) shapes: Vec<Polyhedron>,
+    /// For each cell and each of its edges a point in the middle of the edge.
+    pub(super) middles: Vec<Vec<DVec3>>,
+}
+
+/// Splits the faces of a space. `None` where no splitting makes it face to face.
+pub(super) fn face_to_face<G: Geometry>(geometry: G, space: &Space, shapes: &[Polyhedron]) -> Option<Split> {
     let mut parts: Vec<Vec<Part>> = Vec::new();
     for cell in 0..space.cells.len() {
         let faces = 0..space.cells[cell].faces.len();
@@ -51,7 +58,7 @@ pub(super) fn face_to_face<G: Geometry>(
         }
     }
     let partners = partners(geometry, &parts)?;
-    let (corners, outlines) = common_corners(geometry, shapes, &parts, &partners)?;
+    let (corners, marks) = common_corners(geometry, shapes, &parts, &partners)?;
 
     let cells = parts.iter().zip(&partners).map(|(parts, partners)| {
         let face = |(part, partner): (&Part, &FaceId)| Face {
@@ -61,15 +68,24 @@ pub(super) fn face_to_face<G: Geometry>(
         };
         Cell { faces: parts.iter().zip(partners).map(face).collect() }
     });
-    let cells = cells.collect();
-    let shapes = corners.into_iter().zip(outlines).map(|(v, f)| Polyhedron::from_outlines(v, f).ok());
-    Some((Space { name: space.name.clone(), geometry: space.geometry, cells }, shapes.collect::<Option<_>>()?))
+    let space = Space { name: space.name.clone(), geometry: space.geometry, cells: cells.collect() };
+    let mut split = Split { space, shapes: Vec::new(), middles: Vec::new() };
+    for (cell, corners) in corners.into_iter().enumerate() {
+        let near = 10.0 * TOLERANCE * shapes[cell].circumradius;
+        let faces = marks[cell].iter().map(|sides| sides.iter().flatten().map(|mark| mark.corner).collect());
+        let shape = Polyhedron::from_outlines(corners, faces.collect()).ok()?;
+        split.middles.push(middles(geometry, &shape, &parts[cell], &marks[cell], near)?);
+        split.shapes.push(shape);
+    }
+    Some(split)
 }
 
 /// The parts of a face; `None` if they do not make up the whole.
 fn parts_of<G: Geometry>(geometry: G, space: &Space, shapes: &[Polyhedron], id: FaceId) -> Option<Vec<Part>> {
     let shape = &shapes[id.cell];
-    let whole: Vec<DVec3> = shape.face_vertices[id.face].iter().map(|&v| shape.vertices[v]).collect();
+    let corners: Vec<DVec3> = shape.face_vertices[id.face].iter().map(|&v| shape.vertices[v]).collect();
+    let side = |i: usize| Side::straight(corners[i], corners[(i + 1) % corners.len()]);
+    let whole: Outline = (0..corners.len()).map(side).collect();
     let face = space.face(id);
     let mut products = vec![(face.partner.cell, face.pairing)];
     let mut parts = Vec::new();
@@ -77,12 +93,13 @@ fn parts_of<G: Geometry>(geometry: G, space: &Space, shapes: &[Polyhedron], id: 
     while let Some(&(cell, pairing)) = products.get(next) {
         next += 1;
         let near = TOLERANCE * shapes[cell].circumradius;
-        let moved = carried(geometry, &pairing, &whole)?;
-        let centre = carried(geometry, &pairing, &[shape.centroid])?[0];
+        let moved = carried(geometry, &pairing, &whole);
+        let points = samples(geometry, &moved)?;
+        let centre = geometry.chart(image(geometry, &pairing, geometry.unchart(shape.centroid)?));
         let planes: Vec<DVec4> = space.cells[cell].faces.iter().map(|f| f.plane / f.plane.xyz().length()).collect();
         for (there, plane) in planes.iter().enumerate() {
             let side = |c: DVec3| plane.dot(c.extend(1.0));
-            if moved.iter().any(|c| side(*c) > near) && products.len() < MAX_PRODUCTS {
+            if points.iter().any(|c| side(*c) > near) && products.len() < MAX_PRODUCTS {
                 let beyond = &space.cells[cell].faces[there];
                 let product = (beyond.partner.cell, geometry.compose(&beyond.pairing, &pairing));
                 let limit = TOLERANCE * largest(&product.1).max(1.0).powi(2);
@@ -91,49 +108,24 @@ fn parts_of<G: Geometry>(geometry: G, space: &Space, shapes: &[Polyhedron], id: 
                 }
             }
             // The face lies in this plane, with its own cell on the outer side.
-            if side(centre) > 0.0 && moved.iter().all(|c| side(*c).abs() <= near) {
-                let others = planes.iter().enumerate().filter(|(f, _)| *f != there).map(|(_, plane)| *plane);
-                let inside = others.fold(moved.clone(), |outline, plane| clipped(&outline, plane, near));
-                if inside.len() > 2 && area(&inside) > near * shapes[cell].circumradius {
-                    let outline = carried(geometry, &geometry.inverse(&pairing), &inside)?;
+            if side(centre) > 0.0 && points.iter().all(|c| side(*c).abs() <= near) {
+                let mut inside = moved.clone();
+                for (_, plane) in planes.iter().enumerate().filter(|(f, _)| *f != there) {
+                    inside = clipped(geometry, &inside, *plane, near)?;
+                }
+                if inside.len() > 2 && area(geometry, &inside)? > near * shapes[cell].circumradius {
+                    let outline = carried(geometry, &geometry.inverse(&pairing), &inside);
                     parts.push(Part { of: id, pairing, onto: FaceId { cell, face: there }, outline });
                 }
             }
         }
-    }
-    // The first product tried is the face's own pairing.
-    if !parts.first().is_some_and(|part| part.onto == face.partner && products[0].1 == part.pairing) {
-        return None;
-    }
-    let covered: f64 = parts.iter().map(|part| area(&part.outline)).sum();
-    ((covered / area(&whole) - 1.0).abs() < TOLERANCE).then_some(parts)
-}
-
-/// Images of points of the chart.
-fn carried<G: Geometry>(geometry: G, m: &Isometry, points: &[DVec3]) -> Option<Vec<DVec3>> {
-    points.iter().map(|c| geometry.unchart(*c).map(|p| geometry.chart(image(geometry, m, p)))).collect()
-}
-
-/// The part of a convex polygon inside a plane; what is within `near` of the plane counts as on it.
-fn clipped(outline: &[DVec3], plane: DVec4, near: f64) -> Vec<DVec3> {
-    let side = |c: DVec3| plane.dot(c.extend(1.0));
-    let mut inside = Vec::with_capacity(outline.len() + 1);
-    for (i, &a) in outline.iter().enumerate() {
-        let b = outline[(i + 1) % outline.len()];
-        let (from, to) = (side(a), side(b));
-        if from <= near {
-            inside.push(a);
-        }
-        if (from > near && to < -near) || (from < -near && to > near) {
-            inside.push(a.lerp(b, from / (from - to)));
+        // The first product tried is the face's own pairing.
+        if next == 1 && parts.first().is_none_or(|part| part.onto != face.partner) {
+            return None;
         }
     }
-    inside
-}
-
-fn area(outline: &[DVec3]) -> f64 {
-    let fan = outline[1..].windows(2);
-    0.5 * fan.map(|pair| (pair[0] - outline[0]).cross(pair[1] - outline[0])).sum::<DVec3>().length()
+    let covered: f64 = parts.iter().map(|part| area(geometry, &part.outline)).sum::<Option<f64>>()?;
+    ((covered / area(geometry, &whole)? - 1.0).abs() < TOLERANCE).then_some(parts)
 }
 
 /// For each part the one whose pairing is the inverse of its own.
@@ -150,70 +142,102 @@ fn partners<G: Geometry>(geometry: G, parts: &[Vec<Part>]) -> Option<Vec<Vec<Fac
     parts.iter().map(|parts| parts.iter().map(partner).collect()).collect()
 }
 
-type Outlines = Vec<Vec<Vec<usize>>>;
+/// A corner on a side of a part.
+#[derive(Clone, Copy)]
+struct Mark {
+    /// Where on the side, from 0 to less than 1.
+    at: f64,
+    /// Index of the corner in the cell.
+    corner: usize,
+}
 
-/// The corners of each cell, and the outlines of its parts through all corners that lie on them.
+/// For each cell, part and side the corners on it, in their order; the side's own start is the first.
+type Marks = Vec<Vec<Vec<Vec<Mark>>>>;
+
+/// The corners of each cell, and all that lie on the sides of its parts.
 fn common_corners<G: Geometry>(
     geometry: G,
     shapes: &[Polyhedron],
     parts: &[Vec<Part>],
     partners: &[Vec<FaceId>],
-) -> Option<(Vec<Vec<DVec3>>, Outlines)> {
-    let near: Vec<f64> = shapes.iter().map(|shape| TOLERANCE * shape.circumradius).collect();
+) -> Option<(Vec<Vec<DVec3>>, Marks)> {
+    let near: Vec<f64> = shapes.iter().map(|shape| 10.0 * TOLERANCE * shape.circumradius).collect();
     let find = |corners: &mut Vec<DVec3>, near: f64, c: DVec3| {
-        corners.iter().position(|v| v.distance(c) <= 10.0 * near).unwrap_or_else(|| {
+        corners.iter().position(|v| v.distance(c) <= near).unwrap_or_else(|| {
             corners.push(c);
             corners.len() - 1
         })
     };
     let mut corners: Vec<Vec<DVec3>> = shapes.iter().map(|shape| shape.vertices.clone()).collect();
-    let mut outlines: Outlines = Vec::new();
+    let mut marks: Marks = Vec::new();
     for (cell, parts) in parts.iter().enumerate() {
-        let outline = |part: &Part| part.outline.iter().map(|c| find(&mut corners[cell], near[cell], *c)).collect();
-        outlines.push(parts.iter().map(outline).collect());
+        let mut start = |side: &Side| {
+            let c = side.at(geometry, 0.0)?;
+            Some(vec![Mark { at: 0.0, corner: find(&mut corners[cell], near[cell], c) }])
+        };
+        let mut of_part = |part: &Part| part.outline.iter().map(&mut start).collect::<Option<Vec<_>>>();
+        marks.push(parts.iter().map(&mut of_part).collect::<Option<_>>()?);
     }
+    let mut seen = vec![0; corners.len()];
     for _ in 0..MAX_ROUNDS {
-        let known = corners.iter().map(Vec::len).sum::<usize>();
-        for (cell, outlines) in outlines.iter_mut().enumerate() {
-            for outline in outlines.iter_mut() {
-                *outline = through_all(outline, &corners[cell], 10.0 * near[cell]);
+        // Corners that are new since the last round are looked for on all sides.
+        for (cell, parts) in parts.iter().enumerate() {
+            for (part, sides) in parts.iter().zip(&mut marks[cell]) {
+                let starts: Vec<usize> = sides.iter().map(|marks| marks[0].corner).collect();
+                for (number, (side, marks)) in part.outline.iter().zip(sides.iter_mut()).enumerate() {
+                    let ends = [starts[number], starts[(number + 1) % starts.len()]];
+                    for corner in (seen[cell]..corners[cell].len()).filter(|corner| !ends.contains(corner)) {
+                        if let Some(at) = side.parameter(geometry, corners[cell][corner], near[cell]) {
+                            marks.push(Mark { at, corner });
+                        }
+                    }
+                    marks[1..].sort_by(|a, b| a.at.total_cmp(&b.at));
+                }
             }
+            seen[cell] = corners[cell].len();
         }
         for (cell, parts) in parts.iter().enumerate() {
-            for ((part, partner), outline) in parts.iter().zip(&partners[cell]).zip(&outlines[cell]) {
-                let own: Vec<DVec3> = outline.iter().map(|&v| corners[cell][v]).collect();
-                for c in carried(geometry, &part.pairing, &own)? {
-                    find(&mut corners[partner.cell], near[partner.cell], c);
+            for ((part, partner), sides) in parts.iter().zip(&partners[cell]).zip(&marks[cell]) {
+                for mark in sides.iter().flatten() {
+                    let point = geometry.unchart(corners[cell][mark.corner])?;
+                    let there = geometry.chart(image(geometry, &part.pairing, point));
+                    find(&mut corners[partner.cell], near[partner.cell], there);
                 }
             }
         }
-        if known == corners.iter().map(Vec::len).sum::<usize>() {
-            return Some((corners, outlines));
+        if seen.iter().zip(&corners).all(|(seen, corners)| *seen == corners.len()) {
+            return Some((corners, marks));
         }
     }
     None
 }
 
-/// An outline with the corners that lie on its sides.
-fn through_all(outline: &[usize], corners: &[DVec3], near: f64) -> Vec<usize> {
-    let mut all = Vec::with_capacity(outline.len());
-    for (i, &from) in outline.iter().enumerate() {
-        let to = outline[(i + 1) % outline.len()];
-        let (a, way) = (corners[from], corners[to] - corners[from]);
-        let length = way.length();
-        let mut between: Vec<(f64, usize)> = corners
+/// A point in the middle of each edge of a cell, if the two parts that meet in the edge see the same curve there.
+fn middles<G: Geometry>(
+    geometry: G,
+    shape: &Polyhedron,
+    parts: &[Part],
+    marks: &[Vec<Vec<Mark>>],
+    near: f64,
+) -> Option<Vec<DVec3>> {
+    // The side of a part on which an edge lies, and a parameter in the middle of the edge.
+    let side_of = |face: usize, [from, to]: [usize; 2]| {
+        let flat: Vec<(usize, Mark)> = marks[face]
             .iter()
             .enumerate()
-            .filter(|(v, _)| *v != from && *v != to)
-            .filter_map(|(v, c)| {
-                let along = (*c - a).dot(way) / length;
-                let off = (*c - a - way * (along / length)).length();
-                (off <= near && along > near && along < length - near).then_some((along, v))
-            })
+            .flat_map(|(side, marks)| marks.iter().map(move |mark| (side, *mark)))
             .collect();
-        between.sort_by(|x, y| x.0.total_cmp(&y.0));
-        all.push(from);
-        all.extend(between.into_iter().map(|(_, v)| v));
-    }
-    all
+        let start = (0..flat.len()).find(|&i| flat[i].1.corner == from && flat[(i + 1) % flat.len()].1.corner == to)?;
+        let ((side, mark), (next_side, next)) = (flat[start], flat[(start + 1) % flat.len()]);
+        let end = if next_side == side && next.at > mark.at { next.at } else { 1.0 };
+        Some((&parts[face].outline[side], 0.5 * (mark.at + end)))
+    };
+    let middle = |edge: &crate::space::polyhedron::Edge| {
+        let [from, to] = edge.vertices;
+        let (side, at) = side_of(edge.faces[0], [from, to])?;
+        let middle = side.at(geometry, at)?;
+        let (other, _) = side_of(edge.faces[1], [to, from])?;
+        other.parameter(geometry, middle, near).map(|_| middle)
+    };
+    shape.edges.iter().map(middle).collect()
 }

@@ -1,7 +1,7 @@
 //! The geodesic flows of the matrix groups and of Sol in 192 bits, from their definitions: power series of the
 //! equation of motion, and of the matrix exponential. Nothing here is a formula of the program.
 
-use crate::big::{Big, Big4, BigGeodesic, Model};
+use super::{Big, Big4, BigGeodesic, Model};
 
 /// Sol.
 pub const SOL: &dyn Model = &Sol;
@@ -106,6 +106,30 @@ fn exp(m: &Matrix) -> Matrix {
 #[derive(Debug)]
 struct Sl2;
 
+/// The symmetric positive factor of an element `(x, y, θ, w)`.
+fn symmetric([x, y, _, w]: &Big4) -> Matrix {
+    let one = Big::new(1.0);
+    let norm = (&Big::new(2.0) * &(&one + w)).sqrt();
+    [&(&one + w) + x, y.clone(), y.clone(), &(&one + w) - x].map(|e| &e / &norm)
+}
+
+/// The element with this matrix, whose fibre angle is within 2π of a rough one.
+fn element(m: &Matrix, rough: f64) -> Big4 {
+    let two = Big::new(2.0);
+    let square = times(m, &[m[0].clone(), m[2].clone(), m[1].clone(), m[3].clone()]);
+    // θ/2 is known up to turns from the matrix.
+    let within = &two * &(&m[2] - &m[1]).atan2(&(&m[0] + &m[3]));
+    let turns = ((rough - within.to_f64()) / (4.0 * std::f64::consts::PI)).round();
+    let full = &Big::new(4.0 * turns) * &zero().atan2(&Big::new(-1.0));
+    [&(&square[0] - &square[3]) / &two, square[1].clone(), &within + &full, &(&square[0] + &square[3]) / &two]
+}
+
+/// The product of two elements of the universal cover of SL(2, R). Fibre angles add up to less than half a turn.
+pub fn sl2_product(left: &Big4, right: &Big4) -> Big4 {
+    let matrix = |p: &Big4| times(&symmetric(p), &rotation(&p[2]));
+    element(&times(&matrix(left), &matrix(right)), (&left[2] + &right[2]).to_f64())
+}
+
 /// `exp(θ X₃)`.
 fn rotation(angle: &Big) -> Matrix {
     let (sin, cos) = (angle / &Big::new(2.0)).sin_cos();
@@ -160,29 +184,16 @@ impl Model for Sl2 {
 
     /// `g exp(t(aX₁ + bX₂ − cX₃)) exp(2ct X₃)`.
     fn flow(&self, g: &BigGeodesic, t: &Big) -> BigGeodesic {
-        let [x, y, angle, w] = &g.point;
         let [a, b, c, _] = &g.direction;
-        let (one, two) = (Big::new(1.0), Big::new(2.0));
-        let norm = (&two + &(&two * w)).sqrt();
-        let symmetric = [&(&one + w) + x, y.clone(), y.clone(), &(&one + w) - x].map(|e| &e / &norm);
-        let start = times(&symmetric, &rotation(angle));
+        let two = Big::new(2.0);
+        let start = times(&symmetric(&g.point), &rotation(&g.point[2]));
         let half = t / &two;
         let first = exp(&[&half * a, &half * &(b + c), &half * &(b - c), -&(&half * a)]);
         let turn = &(&two * c) * t;
         let end = times(&times(&start, &first), &rotation(&turn));
-        let square = times(&end, &[end[0].clone(), end[2].clone(), end[1].clone(), end[3].clone()]);
-        // θ/2 is known up to turns from the matrix, and roughly from the way there.
-        let within = &two * &(&end[2] - &end[1]).atan2(&(&end[0] + &end[3]));
-        let turns = ((Self::rough_angle(g, t.to_f64()) - within.to_f64()) / (4.0 * std::f64::consts::PI)).round();
-        let full = &Big::new(4.0 * turns) * &zero().atan2(&Big::new(-1.0));
         let (sin, cos) = turn.sin_cos();
         BigGeodesic {
-            point: [
-                &(&square[0] - &square[3]) / &two,
-                square[1].clone(),
-                &within + &full,
-                &(&square[0] + &square[3]) / &two,
-            ],
+            point: element(&end, Self::rough_angle(g, t.to_f64())),
             direction: [&(a * &cos) + &(b * &sin), &(b * &cos) - &(a * &sin), c.clone(), zero()],
         }
     }
