@@ -53,7 +53,7 @@
 //! | how a ray passes a face | [`space::walk`], `shaders/stage/walk.glsl` |
 //! | the proof that a gluing closes | [`space::check`] |
 //! | a structure that shaders read | [`shader_io`] |
-//! | the reference that errors are measured against | [`measure::reference`] |
+//! | the reference that errors are measured against | [`mod@measure::reference`] |
 //! | a stiff or extreme case | [`measure::stability`] |
 //! | what is measured, tables and plots | [`measure`] |
 //! | what a headset shows, and how a session ends | [`view::xr`] |

@@ -1,5 +1,5 @@
 //! Measurements: error against run time, with tables and plots of any kind, and how results hold on stiff and extreme
-//! input ([`stability`], against [`reference`]).
+//! input ([`stability`], against [`mod@reference`]).
 //!
 //! [`accuracy`] puts together what [`geodesics`] measures of integrators in the model geometries and what [`scenes`]
 //! measures of pictures, with the errors of [`picture`] (of which one is [`flip`]) and of [`backward`]; [`double`] is the

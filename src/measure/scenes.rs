@@ -426,13 +426,13 @@ fn belongings(feature: Feature) -> &'static str {
         Feature::Quadrics => "intersection stage and hit group, constant quadrics, quadric buffers, box structures",
         Feature::AlphaMask => "any-hit stage, constant alpha_mask",
         Feature::Textures => "texture lookups, constant textures, texel and texture buffers",
-        Feature::Coordinates => "colours of places, constant coordinates",
         Feature::Lights => "loop over lights, constant lights, buffer of light images",
         Feature::Shadows => "shadow rays with their miss stage, constant shadows",
         Feature::Headlight => "light at the viewer, constant headlight",
         Feature::Fog => "fog, constant fog",
         Feature::MaxDistance => "test against the largest length, constant max_distance",
         Feature::Labels => "automaton of deck elements, constant labels, its table",
+        Feature::Coordinates => "colours by place, constant coordinates",
         Feature::Counters => "counting of work, constant counters, its buffer",
     }
 }

@@ -6,12 +6,12 @@
 //! case names an accepted limit of its own with the reason why it is not met: then it is listed as such.
 //!
 //! Errors are never measured against the program itself. References are the flows of 192 bits of
-//! [`reference`](super::reference), laws that the answer must obey (a point lies on its model, a walk there and back ends
+//! [`reference`](mod@super::reference), laws that the answer must obey (a point lies on its model, a walk there and back ends
 //! where it began), closed forms, and, for pictures, the same picture from a hair's breadth beside.
 //!
 //! Each family of cases is a file. Families walk the registries of geometries and of spaces, so a new geometry or space is
 //! covered without a line here; what is hard in a geometry is listed in [`geodesic`], and what its book has wrong in
-//! [`book`].
+//! `book`.
 //!
 //! `f64` cases run on the cpu, `f32` ones on the device: geodesics through the probe, walks through the stages of the
 //! shaders (`shaders/entry/walk.comp`), pictures through the backends themselves.
