@@ -122,23 +122,25 @@ fn series(table: &Table, fixed: (&str, &str), by: &[&str], axes: [&str; 2]) -> V
         Some(Cell::Number(x)) => *x,
         _ => f64::NAN,
     };
-    let mut found: Vec<Series> = Vec::new();
+    let mut found: Vec<(String, Vec<(f64, [f64; 2])>)> = Vec::new();
     for row in table.rows.iter().filter(|row| word(row, fixed.0) == fixed.1) {
         let name = by.iter().map(|name| word(row, name)).collect::<Vec<_>>().join(" ");
-        let point = axes.map(|axis| number(row, axis));
-        match found.iter_mut().find(|s| s.name == name) {
-            Some(series) => series.points.push(point),
-            None => found.push(Series { name, points: vec![point] }),
+        let place = (number(row, "parameter"), axes.map(|axis| number(row, axis)));
+        match found.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, points)) => points.push(place),
+            None => found.push((name, vec![place])),
         }
     }
-    for series in &mut found {
-        series.points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    }
-    found
+    // From coarse to fine.
+    let ordered = |(name, mut points): (String, Vec<(f64, [f64; 2])>)| {
+        points.sort_by(|a, b| b.0.total_cmp(&a.0));
+        Series { name, points: points.into_iter().map(|(_, point)| point).collect() }
+    };
+    found.into_iter().map(ordered).collect()
 }
 
 /// Size of plots in pixels.
-const SIZE: [u32; 2] = [640, 420];
+const SIZE: [u32; 2] = [760, 420];
 
 fn geodesic_plot(table: &Table, geometry: &str) -> Plot {
     let by = ["integrator", "backend", "precision"];
