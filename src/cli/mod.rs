@@ -373,6 +373,9 @@ struct AccuracyArgs {
     /// A scene to draw with Euler's steps against numbers of bounces, as the book's Figure 5.5 does.
     #[arg(long, value_name = "SCENE")]
     figure: Option<String>,
+    /// A scene whose default tolerance is checked for convergence, and compared with fixed steps. Repeatable.
+    #[arg(long, value_name = "SCENE")]
+    converged: Vec<String>,
     /// Measure what the scenes leave out, by keeping each part in.
     #[arg(long)]
     leave_out: bool,

@@ -359,7 +359,7 @@ impl Default for Settings {
             ambient: [0.03; 3],
             headlight: [0.0; 3],
             shading: Shading::Riemannian,
-            tolerance: 0.01,
+            tolerance: 0.005,
             method: Method::Exact,
         }
     }
