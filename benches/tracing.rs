@@ -72,7 +72,7 @@ fn moving(criterion: &mut Criterion) {
     let mut scene = file::load("knot").expect("a shipped scene");
     scene.objects[0].motion = Some(Motion { velocity: DVec3::new(0.1, 0.0, 0.05), turn: DVec3::Y });
     let plan = Plan::new(&scene, false);
-    let pose = |frame: u32| Pose { observer: scene.observer.frame, time: f64::from(frame) / 60.0 };
+    let pose = |frame: u32| Pose::new(scene.observer.frame, f64::from(frame) / 60.0);
     let mut group = criterion.benchmark_group("moving");
     group.sample_size(10).warm_up_time(Duration::from_secs(1)).measurement_time(Duration::from_secs(5));
     for (name, backend) in pipelines().iter_mut().filter(|(name, _)| *name == "rt") {

@@ -56,6 +56,8 @@
 //! | the reference that errors are measured against | [`mod@measure::reference`] |
 //! | a stiff or extreme case | [`measure::stability`] |
 //! | what is measured, tables and plots | [`measure`] |
+//! | what a headset shows, and how a session ends | [`view::xr`] |
+//! | where eyes and hands of a player are | [`space::body`] |
 //! | an option of the command line | [`cli`] |
 //!
 //! # Recipes

@@ -53,7 +53,8 @@ macro_rules! structures {
 }
 
 structures! {
-    /// What changes from picture to picture: one observer's eye and the render settings.
+    /// What changes from picture to picture: an eye and the render settings. Where two eyes are drawn at once, the
+    /// settings are the same in both views.
     struct View {
         /// Eye position, in the model.
         eye: vec4,
@@ -98,6 +99,22 @@ structures! {
         extent: uvec2,
         /// Position of the sample inside a pixel, in [0, 1)².
         offset: vec2,
+        /// First of the eyes that are drawn; invocations count on from it.
+        eye: uint,
+    }
+
+    /// How pixels of eyes become an image: push constants.
+    struct Resolve {
+        /// Width and height of an eye in pixels.
+        size: uvec2,
+        /// One of the `ENCODING_` numbers.
+        encoding: uint,
+        /// 1 if not all pixels have a ray.
+        sparse: uint,
+        /// Metres in a unit of length; 0 if no depth is wanted.
+        unit: float,
+        /// Distance of the near plane in metres, where the depth is 0.
+        near: float,
     }
 
     /// What placing a copy of a moving mesh needs: push constants.
@@ -418,6 +435,24 @@ numbers! {
     GROUP_HEIGHT: uint = 8;
     /// Invocations of one workgroup that places triangles.
     PLACE_GROUP: uint = 64;
+    /// Rays across a launch of listed rays, so that their number is not limited by what fits side by side.
+    LIST_WIDTH: uint = 4096;
+    /// Bits of a column, and of a row, in a listed ray; the eye is in the bits above.
+    LIST_BITS: uint = 15;
+    /// Side of the squares of pixels that share a ray rate.
+    RATE_TILE: uint = 8;
+    /// Image format: 8 bits, sRGB, red first.
+    ENCODING_RGBA8_SRGB: uint = 0;
+    /// Image format: 8 bits, sRGB, blue first.
+    ENCODING_BGRA8_SRGB: uint = 1;
+    /// Image format: 8 bits, linear, red first.
+    ENCODING_RGBA8: uint = 2;
+    /// Image format: 8 bits, linear, blue first.
+    ENCODING_BGRA8: uint = 3;
+    /// Image format: half floats, linear.
+    ENCODING_RGBA16F: uint = 4;
+    /// Image format: 16 bits, linear.
+    ENCODING_RGBA16: uint = 5;
     /// Invocations of one workgroup of the probe.
     PROBE_GROUP: uint = 64;
 
@@ -581,6 +616,10 @@ specialization! {
     shading: uint = 0;
     /// One of the `INTEGRATOR_` numbers.
     integrator: uint = 0;
+    /// Eyes of a headset: a pixel has one sample, and its fourth number is the distance of what is seen.
+    eyes: bool = false;
+    /// Only the pixels of a list have rays.
+    listed: bool = false;
 }
 
 /// Declares buffer bindings of descriptor set 0 for both sides.
@@ -657,6 +696,14 @@ bindings! {
     25 walks: restrict Walk;
     /// The faces that each of them passes: as many for each as there is room for.
     26 passages: writeonly uint;
+    /// Pixels that have rays: column, row and eye in the bits of a word.
+    27 rays: readonly uint;
+    /// Pixels in a row that share a ray, for each square of [`RATE_TILE`] pixels of each eye.
+    28 rates: readonly uint;
+    /// Pixels of the eyes as the image wants them: one or two words each.
+    29 packed: writeonly uint;
+    /// Depths of the eyes.
+    30 depths: writeonly float;
 }
 
 /// Text of `shared/io.glsl`.
@@ -665,6 +712,7 @@ pub fn glsl() -> String {
     let push = concat!(
         "#ifdef IO_DISPATCH\nlayout(push_constant, scalar) uniform IoDispatch { Dispatch io_dispatch; };\n#endif\n",
         "#ifdef IO_PLACEMENT\nlayout(push_constant, scalar) uniform IoPlacement { Placement io_placement; };\n#endif\n",
+        "#ifdef IO_RESOLVE\nlayout(push_constant, scalar) uniform IoResolve { Resolve io_resolve; };\n#endif\n",
     );
     [head, STRUCTURES_GLSL, &numbers_glsl(), &specialization_glsl(), BINDINGS_GLSL, push, "#endif\n"].concat()
 }

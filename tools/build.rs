@@ -25,6 +25,7 @@ const ENTRIES: &[&str] = &[
     "probe.comp",
     "place.comp",
     "walk.comp",
+    "resolve.comp",
     "raygen.rgen",
     "raygen_reorder.rgen",
     "transport.rmiss",

@@ -9,8 +9,7 @@
 #include "stage/shade.glsl"
 
 // The geodesic through a point of the picture, from the tangents of the eye's (asymmetric) frustum.
-Geodesic raygen_geodesic(vec2 at) {
-    View view = io_view[0];
+Geodesic raygen_geodesic(View view, vec2 at) {
     float x = mix(view.tangents.x, view.tangents.y, at.x / float(view.size.x));
     float y = mix(view.tangents.w, view.tangents.z, at.y / float(view.size.y));
     vec4 direction = (view.forward + x * view.right + y * view.up) * inversesqrt(1.0 + x * x + y * y);
@@ -29,9 +28,16 @@ vec3 raygen_result(Path path, Hit hit) {
     return vec3(found ? float(hit.object) : -1.0);
 }
 
-void stage_raygen(uvec2 pixel, vec2 offset) {
-    View view = io_view[0];
-    Geodesic g = raygen_geodesic(vec2(pixel) + offset);
+// Column, row and eye of a listed ray.
+uvec3 raygen_listed(uint index) {
+    uint ray = io_rays[index];
+    const uint mask = (1u << IO_LIST_BITS) - 1u;
+    return uvec3(ray & mask, (ray >> IO_LIST_BITS) & mask, ray >> (2u * IO_LIST_BITS));
+}
+
+void stage_raygen(uvec2 pixel, uint eye, vec2 offset) {
+    View view = io_view[eye];
+    Geodesic g = raygen_geodesic(view, vec2(pixel) + offset);
     Path path = walk_start(g, view.cell, 0u);
     Hit hit = Hit(vec3(0.0), vec2(0.0), 0u, IO_NONE);
     Segment segment;
@@ -46,7 +52,10 @@ void stage_raygen(uvec2 pixel, vec2 offset) {
     }
     if (path.status == PATH_HIT) count(IO_COUNT_HITS);
     count_add(IO_COUNT_BOUNCES, path.bounces);
-    io_pixels[pixel.y * view.size.x + pixel.x] += vec4(raygen_result(path, hit), 1.0);
+    uint at = (eye * view.size.y + pixel.y) * view.size.x + pixel.x;
+    // A pixel that has its ray is told by a distance above 0.
+    if (IO_EYES) io_pixels[at] = vec4(raygen_result(path, hit), path.status == PATH_HIT ? path.travelled + 1e-6 : M_INFINITY);
+    else io_pixels[at] += vec4(raygen_result(path, hit), 1.0);
 }
 
 #endif

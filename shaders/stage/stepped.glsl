@@ -7,6 +7,9 @@
 #define STEPPED_GLSL
 #include "shared/integrate.glsl"
 
+// Longest step: a face may be passed twice within a longer one, in cells of size 1, which its end would not show.
+const float STEPPED_LONGEST = 0.5;
+
 ChartState stepped_state(Path path) {
     return ChartState(path.point.xyz, path.velocity.xyz);
 }
@@ -34,15 +37,15 @@ float stepped_exit(Dense dense, vec4 plane) {
     if (r2 == 0.0 && r3 == 0.0 && r4 == 0.0) return r0 < 0.0 ? -r0 / r1 : r1 > 0.0 ? 0.0 : M_INFINITY;
     float low = 0.0;
     float f_low = r0;
-    if (r0 >= 0.0) {
+    if (r0 >= -IO_ON_FACE) {
         if (r1 + r2 > 0.0) return 0.0;
-        // From the plane inwards and back out again.
-        for (int i = 1; i < 8 && f_low >= 0.0; i++) {
+        // From the plane inwards and back out again: its passage is not the start.
+        for (int i = 1; i < 8 && f_low >= -IO_ON_FACE; i++) {
             low = 0.125 * float(i);
             float rest = 1.0 - low;
             f_low = r0 + low * (r1 + rest * (r2 + low * (r3 + rest * r4)));
         }
-        if (f_low >= 0.0) return M_INFINITY;
+        if (f_low >= -IO_ON_FACE) return M_INFINITY;
     }
     // Regula falsi, the end that stays counting half (the Illinois method). Among values that are rounding alone it would
     // walk away again: the best is kept.
@@ -138,7 +141,7 @@ bool stepped_segment(inout Path path, float limit, uint bounces, bool first, out
     Dense dense;
     bool endless = isinf(limit) && IO_FACES == 0u && io_cells[path.cell].face_count == 0u;
     if (endless || !integrate_advance(IO_INTEGRATOR, io_view[0].integration, start, path.point.w,
-                                       min(rest, IO_STRIDE), dense)) {
+                                       min(rest, STEPPED_LONGEST), dense)) {
         path.status = PATH_GONE;
         return false;
     }

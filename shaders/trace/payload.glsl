@@ -18,7 +18,7 @@ const int PAYLOAD_SHADOW = 1;
 // intersection shader meets the triangles with the arc. Its bend travels in a buffer, because an intersection shader sees
 // no payload.
 uint payload_launch() {
-    return gl_LaunchIDEXT.y * gl_LaunchSizeEXT.x + gl_LaunchIDEXT.x;
+    return (gl_LaunchIDEXT.z * gl_LaunchSizeEXT.y + gl_LaunchIDEXT.y) * gl_LaunchSizeEXT.x + gl_LaunchIDEXT.x;
 }
 
 void payload_bend(Segment segment) {

@@ -30,8 +30,9 @@ pub(super) fn run(args: &AccuracyArgs) -> Outcome {
     let load = |name: &String| file::load(name).map_err(Failure::refused);
     let scenes = args.scenes.iter().map(load).collect::<Result<Vec<Scene>, _>>()?;
     let figure = args.figure.as_ref().map(load).transpose()?;
+    let converged = args.converged.iter().map(load).collect::<Result<Vec<Scene>, _>>()?;
     let named = args.geometry.iter().filter_map(|name| GeometryId::from_name(name)).collect::<Vec<_>>();
-    let nothing_named = named.is_empty() && scenes.is_empty() && figure.is_none();
+    let nothing_named = named.is_empty() && scenes.is_empty() && figure.is_none() && converged.is_empty();
     let geometries = if nothing_named || args.all { GEOMETRIES.iter().map(|e| e.id).collect() } else { named };
     fs::create_dir_all(&args.output).with_context(|| args.output.display().to_string()).map_err(Failure::Refused)?;
 
@@ -49,6 +50,7 @@ pub(super) fn run(args: &AccuracyArgs) -> Outcome {
         geometries: &geometries,
         scenes: &scenes,
         figure: figure.as_ref(),
+        converged: &converged,
         leave_out: args.leave_out,
         size: args.size,
         limit: Duration::from_secs_f64(args.limit),

@@ -7,18 +7,21 @@ mod accuracy;
 mod batch;
 mod check;
 mod devices;
+mod eye;
 mod geodesic;
 pub mod output;
 mod render;
 mod sequence;
 mod stability;
 mod transport;
+mod vr;
 
 use crate::{
     geometry::GEOMETRIES,
     integrate::Method,
     render::plan::Feature,
     scene::{MAX_BOUNCES, Shading},
+    space::body::Tracking,
     vulkan::VulkanError,
 };
 use clap::{
@@ -95,6 +98,8 @@ struct Cli {
 enum Command {
     /// Render a picture of a scene, or a sequence along its camera path.
     Render(RenderArgs),
+    /// Stand inside a space with a headset (OpenXR).
+    Vr(VrArgs),
     /// Prove that a space's gluing is a manifold or an orbifold.
     Check(CheckArgs),
     /// List Vulkan devices, what each can run and what it lacks.
@@ -206,6 +211,9 @@ struct RenderArgs {
     /// Samples per pixel; with 1 the pixel's centre.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     samples: u32,
+    /// Draw again what an eye of a headset saw, from a file of `vr --save-eyes`: its place, frustum and size.
+    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["stereo", "frames", "size"])]
+    eye: Option<PathBuf>,
     /// What the picture shows, instead of the scene's.
     #[arg(long, value_name = "NAME", value_parser = shading_parser())]
     shading: Option<Shading>,
@@ -222,6 +230,54 @@ struct RenderArgs {
     /// Keep a feature in that the scene does not need, to measure what leaving it out saves. Repeatable.
     #[arg(long, value_name = "FEATURE", value_parser = feature_parser())]
     keep: Vec<Feature>,
+}
+
+#[derive(Args)]
+struct VrArgs {
+    #[arg(help = SCENE_HELP)]
+    scene: String,
+    /// Which backend draws; auto takes rt on a GPU that has it, else compute.
+    #[arg(long, value_enum, default_value = "auto")]
+    backend: BackendChoice,
+    /// End after this many frames.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    frames: Option<u32>,
+    /// Write what frames cost: times, missed frames, sizes and bounces.
+    #[arg(long, value_name = "FILE.json")]
+    stats: Option<PathBuf>,
+    /// Width and height of an eye, as a share of what the headset recommends.
+    #[arg(long, value_name = "SHARE", default_value_t = 1.0, value_parser = parse_share)]
+    resolution_scale: f64,
+    /// Largest number of face passages of a ray, instead of the scene's.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MAX_BOUNCES as i64))]
+    bounces: Option<u32>,
+    /// Hold this many frames per second by giving up bounces and resolution.
+    #[arg(long, value_name = "FPS", value_parser = parse_positive)]
+    hold_fps: Option<f64>,
+    /// Rays for every pixel only within this many degrees of the middle; up to twice as far four pixels share a ray, beyond
+    /// that sixteen.
+    #[arg(long, value_name = "DEGREES", value_parser = parse_positive)]
+    foveation: Option<f64>,
+    /// What the head's motion in the room does in the space: it walks there (a closed walk turns what is up by the space's
+    /// holonomy), it is where the room's place is (closed walks close, but steps are not true to length), or nothing.
+    #[arg(long, value_name = "MODE", value_parser = tracking_parser(), default_value = "holonomy")]
+    tracking: Tracking,
+    /// Metres in a unit of length of the space; by default such that the scene's eye-distance is that of a human being.
+    #[arg(long, value_name = "METRES", value_parser = parse_unit)]
+    unit_in_metres: Option<f64>,
+    /// Trace the eyes in one dispatch each, to measure what one for both brings.
+    #[arg(long)]
+    apart: bool,
+    /// Do not give the player hands and a head.
+    #[arg(long)]
+    bare: bool,
+    /// End when the headset has been asleep for so long.
+    #[arg(long, value_name = "SECONDS", default_value_t = 5.0, value_parser = parse_positive)]
+    wait: f64,
+    /// Write the last frame to left.png and right.png in this folder, as the headset got it, and left.json and right.json
+    /// for `render --eye`.
+    #[arg(long, value_name = "FOLDER")]
+    save_eyes: Option<PathBuf>,
 }
 
 #[derive(Args)]
@@ -317,6 +373,9 @@ struct AccuracyArgs {
     /// A scene to draw with Euler's steps against numbers of bounces, as the book's Figure 5.5 does.
     #[arg(long, value_name = "SCENE")]
     figure: Option<String>,
+    /// A scene whose default tolerance is checked for convergence, and compared with fixed steps. Repeatable.
+    #[arg(long, value_name = "SCENE")]
+    converged: Vec<String>,
     /// Measure what the scenes leave out, by keeping each part in.
     #[arg(long)]
     leave_out: bool,
@@ -380,6 +439,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Outcome {
     };
     match cli.command {
         Command::Render(args) => render::run(&args),
+        Command::Vr(args) => vr::run(&args),
         Command::Check(args) => check::run(&args),
         Command::Devices(args) => devices::run(&args),
         Command::Geodesic(args) => geodesic::run(&args),
@@ -462,6 +522,22 @@ fn parse_vector(text: &str) -> Result<Vector, String> {
     } else {
         Err(format!("expected 3 or 4 numbers separated by commas, found {}", numbers.len()))
     }
+}
+
+/// Resolutions beyond twice the recommended one exceed what headsets take.
+fn parse_share(text: &str) -> Result<f64, String> {
+    let share = parse_finite(text)?;
+    if (0.05..=2.0).contains(&share) { Ok(share) } else { Err(String::from("expected a number from 0.05 to 2")) }
+}
+
+/// A room of 100 metres is at most 10,000 units large.
+fn parse_unit(text: &str) -> Result<f64, String> {
+    let unit = parse_finite(text)?;
+    if (0.01..=1e6).contains(&unit) { Ok(unit) } else { Err(String::from("expected a number from 0.01 to 1000000")) }
+}
+
+fn tracking_parser() -> impl TypedValueParser<Value = Tracking> {
+    named_parser(Tracking::NAMES)
 }
 
 fn shading_parser() -> impl TypedValueParser<Value = Shading> {

@@ -67,6 +67,11 @@ impl PendingFile {
         Ok(Self { path: path.to_owned(), file })
     }
 
+    /// Where the content is until it is complete.
+    pub fn temporary_path(&self) -> PathBuf {
+        self.file.path().to_owned()
+    }
+
     /// Writes the content and gives the file its name.
     ///
     /// # Errors

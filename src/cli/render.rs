@@ -2,6 +2,7 @@
 
 use super::{
     BackendChoice, Failure, Outcome, RenderArgs,
+    eye::EyeFile,
     output::{PendingFile, PictureFormat, encode, picture_format},
     sequence::{Pattern, check_range, pose},
 };
@@ -37,6 +38,7 @@ pub(super) fn run(args: &RenderArgs) -> Outcome {
     let method = args.integrator.method(args.step, args.tolerance)?;
     let format = picture_format(&args.output)?;
     let mut scene = file::load(&args.scene).map_err(Failure::refused)?;
+    let seen = args.eye.as_deref().map(|path| EyeFile::read(path, &mut scene)).transpose()?;
     scene.settings.bounces = args.bounces.unwrap_or(scene.settings.bounces);
     scene.settings.method = method;
     if let (Method::Exact, Some(tolerance)) = (method, args.tolerance) {
@@ -55,6 +57,9 @@ pub(super) fn run(args: &RenderArgs) -> Outcome {
     let stats_file = args.stats.as_deref().map(PendingFile::create).transpose()?;
 
     let mut session = Session::new(args, &scene, stats_file.is_some(), false)?;
+    if let Some((file, pose)) = &seen {
+        session.see(args, &scene, file, *pose)?;
+    }
     let progress = Progress::new();
     let target = session.draw(args, &scene, &|share| progress.set(share))?;
     progress.finish();
@@ -102,6 +107,8 @@ struct Session {
     pictures: u32,
     sum: Stats,
     times: Times,
+    /// What an eye of a headset saw, if that is to be drawn.
+    eye: Option<Shot>,
 }
 
 /// Pictures of a sequence in a unit of time, by which velocities of objects in motion are given.
@@ -113,7 +120,7 @@ impl Session {
         let started = Instant::now();
         let plan = Plan::new(scene, count).keep(&args.keep);
         let (mut backend, reason) = backend_for(args, &plan)?;
-        let start = Pose { observer: scene.observer.frame, time: 0.0 };
+        let start = Pose::new(scene.observer.frame, 0.0);
         let world =
             if sequence { World::moving(scene, &plan, start) } else { World::new(scene, &plan, scene.observer.frame) };
         let world = Arc::new(world.map_err(Failure::refused)?);
@@ -124,13 +131,13 @@ impl Session {
         // to stop.
         let _ = writeln!(std::io::stderr(), "{reason}");
         let eyes = if args.stereo { 2 } else { 1 };
-        Ok(Self { backend, plan, world, eyes, pictures: 0, sum: Stats::default(), times })
+        Ok(Self { backend, plan, world, eyes, pictures: 0, sum: Stats::default(), times, eye: None })
     }
 
     /// Takes the scene in at another time and with its observer elsewhere. The world stays unless it depends on them.
     fn follow(&mut self, scene: &Scene, time: f64) -> Outcome {
         let started = Instant::now();
-        let pose = Pose { observer: scene.observer.frame, time };
+        let pose = Pose::new(scene.observer.frame, time);
         let labels = self.plan.uses(Feature::Labels);
         if labels || scene.objects.iter().any(Object::moves) {
             // Labels are counted from the observer's own cell.
@@ -139,6 +146,14 @@ impl Session {
             self.backend.pose(&self.world).map_err(render_failure)?;
         }
         self.times.pose += started.elapsed();
+        Ok(())
+    }
+
+    /// Takes the scene in as it was when an eye of a headset saw it.
+    fn see(&mut self, args: &RenderArgs, scene: &Scene, file: &EyeFile, pose: Pose) -> Outcome {
+        self.world = Arc::new(World::moving(scene, &self.plan, pose).map_err(Failure::refused)?);
+        self.backend.load(&self.world).map_err(render_failure)?;
+        self.eye = Some(Shot { samples: args.samples, seed: args.seed, ..file.shot() });
         Ok(())
     }
 
@@ -156,6 +171,13 @@ impl Session {
 
     /// The picture, both eyes side by side if there are two.
     fn draw(&mut self, args: &RenderArgs, scene: &Scene, progress: &(dyn Fn(f64) + Sync)) -> Result<Target, Failure> {
+        if let Some(shot) = self.eye {
+            let mut target = Target::new(shot.size);
+            let stats = self.backend.render(&shot, &mut target, progress).map_err(render_failure)?;
+            add(&mut self.sum, &stats);
+            self.pictures += 1;
+            return Ok(target);
+        }
         let eyes = if args.stereo { stereo_eyes(scene)? } else { vec![scene.observer.frame] };
         let mut target = Target::new(side_by_side(args.size, eyes.len() as u32));
         for (index, eye) in eyes.iter().enumerate() {
@@ -270,7 +292,7 @@ fn integrator_json(scene: &Scene) -> Value {
 
 /// The content of the `--stats` file.
 fn stats_json(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
-    let Session { backend, plan, world, eyes, pictures, sum: stats, times } = session;
+    let Session { backend, plan, world, eyes, pictures, sum: stats, times, .. } = session;
     let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
     let count = |index: u32| stats.counts[index as usize];
     // What the device's own traversal does is not known, which is not the same as nothing.
@@ -287,7 +309,8 @@ fn stats_json(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
         ("shadow_segments", io::COUNT_SHADOW_SEGMENTS),
         ("lost", io::COUNT_LOST),
     ];
-    let pixels = f64::from(args.size[0]) * f64::from(args.size[1]) * *eyes as f64 * f64::from(*pictures);
+    let size = session.eye.map_or(args.size, |shot| shot.size);
+    let pixels = f64::from(size[0]) * f64::from(size[1]) * *eyes as f64 * f64::from(*pictures);
     let counts: serde_json::Map<_, _> =
         named.iter().map(|(name, i)| ((*name).to_owned(), shown(*i, json!(count(*i))))).collect();
     let per_pixel: serde_json::Map<_, _> =
@@ -304,7 +327,7 @@ fn stats_json(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
         "geometry": scene.space.geometry.name(),
         "backend": backend.name(),
         "device": backend.device(),
-        "size": args.size,
+        "size": size,
         "eyes": eyes,
         "pictures": pictures,
         "samples": args.samples,

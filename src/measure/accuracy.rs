@@ -1,7 +1,7 @@
 //! The report of error against run time: tables and plots of [`geodesics`] and [`scenes`].
 
 use super::{
-    MeasureError, geodesics,
+    MeasureError, convergence, geodesics,
     plot::{Plot, Series},
     report::{Cell, Table},
     scenes::{self, Study},
@@ -22,6 +22,8 @@ pub struct Request<'a> {
     pub scenes: &'a [Scene],
     /// A scene to vary the bounces of.
     pub figure: Option<&'a Scene>,
+    /// Scenes whose default is checked for convergence.
+    pub converged: &'a [Scene],
     /// Whether to measure what scenes leave out.
     pub leave_out: bool,
     /// Size of the pictures.
@@ -58,8 +60,8 @@ pub fn measure(
         (scenes::picture_table(), scenes::factor_table(), scenes::bounce_table());
     let (mut left_out, mut own) = (scenes::leave_out_table(), own_table());
     // Scenes take some ten times as long as geometries.
-    let total =
-        request.geometries.len() as f64 + 10.0 * (request.scenes.len() + usize::from(request.figure.is_some())) as f64;
+    let total = request.geometries.len() as f64
+        + 10.0 * (request.scenes.len() + request.converged.len() + usize::from(request.figure.is_some())) as f64;
     let mut done = 0.0;
     for &id in request.geometries {
         let share = |s: f64| progress(id.name(), (done + s) / total);
@@ -89,8 +91,15 @@ pub fn measure(
     if let Some(scene) = request.figure {
         let share = |s: f64| progress(&scene.name, (done + 10.0 * s) / total);
         findings.sheet = Some(scenes::step_against_bounces(scene, request.size, &mut bounces, &share)?);
+        done += 10.0;
     }
-    let tables = [work, reference, pictures, own, factor, bounces, left_out];
+    let mut converged = convergence::table();
+    for scene in request.converged {
+        done += 10.0;
+        let share = |s: f64| progress(&scene.name, (done - 10.0 + 10.0 * s) / total);
+        convergence::measure(scene, request.size, request.limit, &mut converged, &share)?;
+    }
+    let tables = [work, reference, pictures, own, factor, converged, bounces, left_out];
     findings.tables = tables.into_iter().filter(|table| !table.rows.is_empty()).collect();
     Ok(findings)
 }

@@ -1,12 +1,13 @@
 //! Measurements: error against run time, with tables and plots of any kind, and how results hold on stiff and extreme
 //! input ([`stability`], against [`mod@reference`]).
 //!
-//! [`accuracy`] puts together what [`geodesics`] measures of integrators in the model geometries and what [`scenes`]
+//! [`convergence`] shows whether defaults are converged. [`accuracy`] puts together what [`geodesics`] measures of integrators in the model geometries and what [`scenes`]
 //! measures of pictures, with the errors of [`picture`] (of which one is [`flip`]) and of [`backward`]; [`double`] is the
 //! arithmetic of the reference. [`report`] and [`plot`] know nothing of what is measured.
 
 pub mod accuracy;
 pub mod backward;
+pub mod convergence;
 pub mod double;
 pub mod flip;
 pub mod geodesics;

@@ -30,7 +30,7 @@ pub const REFERENCE: f64 = 1e-4;
 const STRIDE: u32 = 4;
 
 /// Euler's longest step; each further one is half as long.
-const LONGEST: f64 = 0.1;
+pub(super) const LONGEST: f64 = 0.1;
 
 /// How a picture is drawn: a method and, for the exact flow, the tolerance of its segments.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,10 +96,10 @@ pub struct Study<'a> {
 }
 
 /// A picture, the milliseconds of a frame and the segments of a primary ray.
-struct Drawn {
-    target: Target,
-    milliseconds: f64,
-    segments: f64,
+pub(super) struct Drawn {
+    pub(super) target: Target,
+    pub(super) milliseconds: f64,
+    pub(super) segments: f64,
 }
 
 impl<'a> Study<'a> {
@@ -240,7 +240,7 @@ fn with(scene: &Scene, setting: Setting, shading: Shading) -> Scene {
 }
 
 /// Draws a picture once to fill caches where several are asked for, and then `times` times: the fastest counts.
-fn draw(
+pub(super) fn draw(
     backend: &mut dyn Backend,
     scene: &Scene,
     size: [u32; 2],

@@ -91,6 +91,21 @@ pub struct Plan {
     pub method: Method,
     /// Number of faces if the space has one cell with few enough to unroll, else 0: then rays remember their cell.
     pub faces: u32,
+    /// What the pictures are for.
+    pub purpose: Purpose,
+}
+
+/// What pictures are for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Purpose {
+    /// A picture: the sum of its samples.
+    #[default]
+    Picture,
+    /// The eyes of a headset: colours and distances, one sample each.
+    Eyes {
+        /// Only some pixels have rays.
+        listed: bool,
+    },
 }
 
 impl Plan {
@@ -150,7 +165,12 @@ impl Plan {
         };
         let decisions = Feature::NAMES.iter().map(|(_, feature)| decide(*feature)).collect();
         let faces = unrolled_faces(scene.space.cells.iter().map(|cell| cell.faces.len()));
-        Self { decisions, shading, method: scene.settings.method, faces }
+        Self { decisions, shading, method: scene.settings.method, faces, purpose: Purpose::Picture }
+    }
+
+    /// The same for another purpose.
+    pub fn serving(self, purpose: Purpose) -> Self {
+        Self { purpose, ..self }
     }
 
     /// Keeps features in that the scene does not need.
@@ -185,6 +205,8 @@ impl Plan {
             counters: on(Feature::Counters),
             shading: shading_number(self.shading),
             integrator: integrator_number(self.method),
+            eyes: (self.purpose != Purpose::Picture).into(),
+            listed: (self.purpose == Purpose::Eyes { listed: true }).into(),
         }
     }
 }

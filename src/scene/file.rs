@@ -7,7 +7,7 @@
 //! | `[[observer.path]]` | a key pose of the camera path: `step` with `rotate`, or `position`, `cell`, `look`, `up`; `frames` |
 //! | `[[light]]` | `kind` (`point` or `viewer`), `color`, `intensity`, and for points `position`, `cell`, `range`, `shadows`, `direction` with `angle` (degrees from the axis of the cone to its edge) |
 //! | `[[material]]` | `name`, `color`, `metallic`, `roughness`, `emission`, `alpha-cutoff`, `texture`, `surface-texture`, `coordinates` |
-//! | `[[object]]` | `kind` (`mesh`, `tube`, `ball`, `domain-edges`, `domain-faces` or `grid`), `name`, `file`, `scale`, `radius`, `length`, `width` with `face`, `lower` with `upper` and `lines`, `material`; `attach = "world"`: `position`, `cell` and `frame`, `look` with `up`, or `rotate`; `attach = "viewer"`: `offset`, `rotate`; `motion = { velocity = [x, y, z], spin = [x, y, z, degrees] }`: in its own axes, per unit of time |
+//! | `[[object]]` | `kind` (`mesh`, `tube`, `ball`, `domain-edges`, `domain-faces` or `grid`), `name`, `file`, `scale`, `radius`, `length`, `width` with `face`, `lower` with `upper` and `lines`, `material`; `attach = "world"`: `position`, `cell` and `frame`, `look` with `up`, or `rotate`; `attach = "viewer"`, and with a headset `"left-hand"` and `"right-hand"`: `offset`, `rotate`; `motion = { velocity = [x, y, z], spin = [x, y, z, degrees] }`: in its own axes, per unit of time |
 //! | `[render]` | `bounces`, `max-distance`, `fog`, `background`, `ambient`, `shading`, `tolerance` |
 //!
 //! A camera path starts at the observer's own pose and goes from key to key along geodesics, with parallel transport,

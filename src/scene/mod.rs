@@ -5,6 +5,7 @@
 //! the scenes that come with the program, [`folder`] keeps scenes from reading files that are none of their business.
 
 mod accessor;
+pub mod avatar;
 pub mod file;
 pub mod folder;
 mod glb;
@@ -59,6 +60,15 @@ pub struct Observer {
     pub fov: f64,
     /// Distance of the eyes for `--stereo`, in units of length of the space.
     pub eye_distance: f64,
+}
+
+impl Observer {
+    /// Metres in a unit of length, if the observer is a human being: by the distance of the eyes.
+    pub fn unit_in_metres(&self) -> f64 {
+        /// The mean of adults (Dodgson, Variation and extrema of human interpupillary distance, 2004).
+        const EYE_DISTANCE: f64 = 0.063;
+        EYE_DISTANCE / if self.eye_distance > 0.0 { self.eye_distance } else { 0.03 }
+    }
 }
 
 /// A light without extent.
@@ -223,6 +233,24 @@ pub enum Place {
         /// Columns are the object's axes in the observer's frame.
         rotation: DMat3,
     },
+    /// Fixed to a hand that a headset tracks, in the same way; not there while the hand is not tracked.
+    Hand {
+        /// Which hand.
+        hand: Hand,
+        /// Components right, up, back of the hand's grip; a length in the space.
+        offset: DVec3,
+        /// Columns are the object's axes in the grip's frame.
+        rotation: DMat3,
+    },
+}
+
+/// A hand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Hand {
+    /// The left one.
+    Left,
+    /// The right one.
+    Right,
 }
 
 /// Something to be seen.
@@ -245,7 +273,7 @@ pub struct Object {
 impl Object {
     /// Whether its place changes from picture to picture of a sequence.
     pub fn moves(&self) -> bool {
-        self.motion.is_some() || matches!(self.place, Place::Viewer { .. })
+        self.motion.is_some() || !matches!(self.place, Place::World(_))
     }
 }
 
@@ -331,7 +359,7 @@ impl Default for Settings {
             ambient: [0.03; 3],
             headlight: [0.0; 3],
             shading: Shading::Riemannian,
-            tolerance: 0.01,
+            tolerance: 0.005,
             method: Method::Exact,
         }
     }

@@ -1,7 +1,7 @@
 //! The `[[object]]` tables of a scene file.
 
 use super::{
-    Motion, Object, Place, Shape,
+    Hand, Motion, Object, Place, Shape,
     file::Builder,
     gltf,
     places::{self, Local},
@@ -44,7 +44,7 @@ impl Kind {
 enum Attach {
     World,
     Viewer,
-    Hand,
+    Hand(Hand),
 }
 
 const KINDS: &[(&str, Kind)] = &[
@@ -59,8 +59,12 @@ const KINDS: &[(&str, Kind)] = &[
 /// Most places of a grid along one axis.
 const MAX_LINES: u32 = 32;
 
-const ATTACHMENTS: &[(&str, Attach)] =
-    &[("world", Attach::World), ("viewer", Attach::Viewer), ("left-hand", Attach::Hand), ("right-hand", Attach::Hand)];
+const ATTACHMENTS: &[(&str, Attach)] = &[
+    ("world", Attach::World),
+    ("viewer", Attach::Viewer),
+    ("left-hand", Attach::Hand(Hand::Left)),
+    ("right-hand", Attach::Hand(Hand::Right)),
+];
 
 /// Adds an object to the scene.
 pub(super) fn read(mut table: Table, builder: &mut Builder) -> Result<(), SceneError> {
@@ -158,10 +162,7 @@ fn place(table: &mut Table, kind: Kind, builder: &Builder) -> Result<(Place, &'s
     let attach_value = table.take("attach");
     let attach = attach_value.as_ref().map_or(Ok(Attach::World), |v| v.choice(ATTACHMENTS))?;
     match (attach, &attach_value) {
-        (Attach::Hand, Some(value)) => {
-            Err(value.error("hands that are tracked are not available yet: use \"viewer\" with an offset"))
-        }
-        (Attach::Viewer, value) => {
+        (Attach::Viewer | Attach::Hand(_), value) => {
             if let (Some(stays), Some(value)) = (kind.stays(), value) {
                 return Err(value.error(format!("{stays}: they cannot be attached to the viewer")));
             }
@@ -169,7 +170,13 @@ fn place(table: &mut Table, kind: Kind, builder: &Builder) -> Result<(Place, &'s
             let offset = offset.map_or(Ok(vec![0.0; 3]), |v| v.numbers(&[3], Bounds::closed(-MAX_REACH, MAX_REACH)))?;
             let offset = DVec3::new(offset[0], offset[1], offset[2]);
             let rotation = table.take("rotate").map_or(Ok(DMat3::IDENTITY), |v| places::turns(&v))?;
-            Ok((Place::Viewer { offset, rotation }, "viewer"))
+            Ok(match attach {
+                Attach::Hand(hand) => {
+                    let name = ["left-hand", "right-hand"][hand as usize];
+                    (Place::Hand { hand, offset, rotation }, name)
+                }
+                _ => (Place::Viewer { offset, rotation }, "viewer"),
+            })
         }
         _ if kind.stays().is_some() => {
             let cell = places::cell(table, &builder.space)?;

@@ -2,9 +2,11 @@
 //!
 //! [`catalogue`] computes the named spaces from formulas, [`gluing`] reads them from files, [`polyhedron`] finds
 //! vertices and edges of a cell in the chart, [`domain`] lists faces for walking, [`walk`] takes geodesics through
-//! them by their own flow, [`stepped`] by an integrator, [`reduce`] brings points back into their cell, [`deck`] enumerates deck transformations, [`check`] proves
-//! that a gluing closes up, [`observer`] moves frames.
+//! them by their own flow, [`stepped`] by an integrator, [`reduce`] brings points back into their cell, [`deck`]
+//! enumerates deck transformations, [`check`] proves that a gluing closes up, [`observer`] moves frames, [`body`] places
+//! eyes and hands of somebody with a headset.
 
+pub mod body;
 pub mod catalogue;
 pub mod check;
 pub mod deck;

@@ -20,12 +20,15 @@ use super::{
 use crate::{
     geometry::{Geodesic, Geometry, ON_FACE, Real3, Segment},
     integrate::{Dense, Dopri5, Euler, Method, Rk4, State, Stepper},
-    shader_io::{REDUCE_LIMIT, STRIDE},
+    shader_io::REDUCE_LIMIT,
 };
 use glam::DVec4;
 
 /// f64 counterpart of `shader_io::OVERLAP`: segments reach this far beyond both ends, in chart units.
 const OVERLAP: f64 = 1e-12;
+
+/// Longest step: a face may be passed twice within a longer one, in cells of size 1, which its end would not show.
+const LONGEST: f64 = 0.5;
 
 /// The state of a path that is walked by steps.
 fn state(path: &Path) -> State<f64> {
@@ -91,12 +94,12 @@ pub fn exit(dense: &Dense<f64>, plane: DVec4) -> f64 {
         };
     }
     let (mut low, mut f_low) = (0.0, r[0]);
-    if f_low >= 0.0 {
+    if f_low >= -ON_FACE {
         if r[1] + r[2] > 0.0 {
             return 0.0;
         }
-        // From the plane inwards and back out again.
-        let inside = (1..8).map(|i| f64::from(i) / 8.0).find(|x| value(*x) < 0.0);
+        // From the plane inwards and back out again: its passage is not the start.
+        let inside = (1..8).map(|i| f64::from(i) / 8.0).find(|x| value(*x) < -ON_FACE);
         let Some(x) = inside else { return f64::INFINITY };
         (low, f_low) = (x, value(x));
     }
@@ -180,7 +183,7 @@ pub fn stage_segment<G: Geometry>(
     }
     let rest = path.limit - path.travelled;
     let endless = rest.is_infinite() && faces(path.cell).is_empty();
-    let accepted = if endless { None } else { advance(geometry, method, path, rest.min(STRIDE.into())) };
+    let accepted = if endless { None } else { advance(geometry, method, path, rest.min(LONGEST)) };
     let Some((mut dense, mut proposal)) = accepted else {
         path.status = Status::Gone;
         return None;

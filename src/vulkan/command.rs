@@ -138,16 +138,16 @@ impl Submitter {
     }
 
     fn wait(&self, what: &str) -> Result<(), VulkanError> {
-        let limit = SUBMIT_TIME_OUT.as_nanos() as u64;
+        let limit = self.context.submit_time_out();
         // SAFETY: the fence has been submitted.
-        let waited = unsafe { self.context.raw().wait_for_fences(&[self.fence], true, limit) };
+        let waited = unsafe { self.context.raw().wait_for_fences(&[self.fence], true, limit.as_nanos() as u64) };
         // A fault comes after the wait and instead of its result: the device must not be left at work.
         let waited = self.context.faults().next("vkWaitForFences").map_or(waited, Err);
         match waited {
             Ok(()) => Ok(()),
             Err(vk::Result::TIMEOUT) => {
                 self.context.set_hung();
-                Err(VulkanError::TimeOut { what: what.to_owned(), limit: SUBMIT_TIME_OUT })
+                Err(VulkanError::TimeOut { what: what.to_owned(), limit })
             }
             Err(result) => {
                 if result != vk::Result::ERROR_DEVICE_LOST {

@@ -1,8 +1,9 @@
 //! A logical device with its queue, its memory and its pipeline cache.
 
 use super::{
-    ContextOptions, DeviceInfo, Tier, VulkanError,
+    ContextOptions, DeviceInfo, DeviceKind, Tier, VulkanError,
     cache::{self, CacheFile},
+    command::SUBMIT_TIME_OUT,
     fault::FaultInjection,
     instance::{Creator, Instance, Loader, Messages},
     tier::{Features, REORDER_EXTENSION, RT_EXTENSIONS},
@@ -20,6 +21,7 @@ use std::{
         Arc, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicBool, AtomicU64, Ordering},
     },
+    time::Duration,
 };
 
 /// Memory is taken from the driver in blocks that grow from the first to the second size. A small scene fits
@@ -39,6 +41,7 @@ pub struct Context {
     tracing: Option<Functions>,
     memory_in_use: AtomicU64,
     hung: AtomicBool,
+    submit_time_out: Duration,
     faults: FaultInjection,
     // Dropped in this order, by `Drop` of this structure.
     allocator: ManuallyDrop<Mutex<Allocator>>,
@@ -157,6 +160,9 @@ impl Context {
         let debug_names =
             instance.has_debug_names().then(|| ash::ext::debug_utils::Device::new(instance.raw(), &device.0));
         let tracing = rt.then(|| Functions::new(instance.raw(), &device.0));
+        // Software on a busy machine is slow and does not hang.
+        let wanted = options.submit_time_out.filter(|_| info.kind != DeviceKind::Cpu);
+        let submit_time_out = wanted.unwrap_or(SUBMIT_TIME_OUT);
         Ok(Arc::new(Self {
             info,
             tier: options.tier,
@@ -168,6 +174,7 @@ impl Context {
             debug_names,
             memory_in_use: AtomicU64::new(0),
             hung: AtomicBool::new(false),
+            submit_time_out,
             faults,
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             device: ManuallyDrop::new(device),
@@ -184,6 +191,11 @@ impl Context {
     /// What the device was opened for.
     pub fn tier(&self) -> Tier {
         self.tier
+    }
+
+    /// How long a submission may take.
+    pub(super) fn submit_time_out(&self) -> Duration {
+        self.submit_time_out
     }
 
     /// Bytes of all buffers that exist.

@@ -6,6 +6,7 @@
 //! | [`tier`] | what a device is and which tier of the renderer it can run | – |
 //! | [`context`] | logical device, queue, allocator, pipeline cache | until the last buffer, pipeline or submitter that holds its `Arc` is gone |
 //! | [`cache`] | compiled pipelines on disk | – |
+//! | [`image`] | images of a swapchain, which somebody else owns | as long as their owner keeps them |
 //! | [`memory`] | buffers | as long as their owner likes |
 //! | [`tracing`] | acceleration structures, ray tracing pipelines, shader binding tables | the same |
 //! | [`shader`] | embedded SPIR-V, layouts, compute pipelines | the same |
@@ -26,6 +27,7 @@ pub mod context;
 pub mod descriptor;
 pub mod error;
 pub mod fault;
+pub mod image;
 pub mod instance;
 pub mod memory;
 pub mod options;

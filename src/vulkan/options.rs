@@ -1,7 +1,7 @@
 //! How a context shall be made.
 
 use super::{Tier, VulkanError, cache, fault::FaultInjection, instance::Messages};
-use std::{env, ffi::CString, path::PathBuf};
+use std::{env, ffi::CString, path::PathBuf, time::Duration};
 
 /// How much the validation layer checks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,6 +31,9 @@ pub struct ContextOptions {
     pub instance_extensions: Vec<CString>,
     /// Further device extensions, for a window.
     pub device_extensions: Vec<CString>,
+    /// How long a submission to a device that is not software may take; [`SUBMIT_TIME_OUT`](super::command::SUBMIT_TIME_OUT)
+    /// if none.
+    pub submit_time_out: Option<Duration>,
     /// Folder in which compiled pipelines are kept; none to keep none.
     pub cache_folder: Option<PathBuf>,
     /// Where the validation layer's messages go. Keep a clone to read what is said about a context that could not

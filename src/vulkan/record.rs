@@ -174,7 +174,8 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Runs `groups` workgroups (at least one each way) of a pipeline on a set, with push constants.
+    /// Runs `groups` workgroups (at least one each way) of a pipeline on a set, with push constants. Every device takes
+    /// 65535 of them in the third direction.
     ///
     /// # Errors
     /// Objects of another context; push constants of the wrong size.
@@ -183,14 +184,15 @@ impl<'a> Recorder<'a> {
         pipeline: &'a ComputePipeline,
         set: &'a BufferSet,
         push: Option<&P>,
-        groups: [u32; 2],
+        groups: [u32; 3],
     ) -> Result<(), VulkanError> {
         let layout = pipeline.layout();
         self.own(layout.context(), pipeline.name())?;
         self.own(set.context(), pipeline.name())?;
         let push = push.map_or(&[][..], bytemuck::bytes_of);
         check_range("push constants", 0, push.len() as u64, u64::from(layout.push_bytes()))?;
-        for (groups, limit) in groups.iter().zip(self.context.info().max_workgroups) {
+        let [across, down] = self.context.info().max_workgroups;
+        for (groups, limit) in groups.iter().zip([across, down, 65_535]) {
             check_range("workgroups", 0, u64::from(*groups), u64::from(limit))?;
         }
         let device = self.context.raw();
@@ -203,7 +205,7 @@ impl<'a> Recorder<'a> {
             if !push.is_empty() {
                 device.cmd_push_constants(self.commands, layout.raw(), layout.stages(), 0, push);
             }
-            device.cmd_dispatch(self.commands, groups[0].max(1), groups[1].max(1), 1);
+            device.cmd_dispatch(self.commands, groups[0].max(1), groups[1].max(1), groups[2].max(1));
         }
         Ok(())
     }

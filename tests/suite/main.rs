@@ -3,6 +3,7 @@
 //! A new test goes into the module whose truth it checks:
 //! - `agree`: compute and cpu draw the same picture; a spoiled copy is caught.
 //! - `architecture`: registry, contracts, who imports whom, where unsafe code may be.
+//! - `body`: head, hands and eyes of a player: rigid, picking up holonomy, seeing in depth.
 //! - `cli`: the real binary in a temporary folder: outputs, exact errors, exit codes.
 //! - `closed_form`: pictures and paths whose answer is known.
 //! - `curved`: arcs, exits, nearest points, logarithms and series of the geometries with curved geodesics.
@@ -26,12 +27,14 @@
 //! - `transport`: geodesics through the faces against the unfolded ones.
 //! - `twins`: each function of the shaders' geometries against its Rust twin, on the device.
 //! - `vulkan`: devices, probe, compute backend, faults, and that validation is silent.
+//! - `xr`: sessions with a headset, played by a runtime that is a few lines of code; `monado`: the same on a real one.
 //!
 //! `support` holds what modules share. Geodesic flows in 192 bits are in `holonomy::measure::reference`.
 //! Tests of a device take it through `support::gpu` or `support::rt_gpu`.
 
 mod agree;
 mod architecture;
+mod body;
 mod cli;
 mod closed_form;
 mod corners;
@@ -45,6 +48,8 @@ mod hits;
 mod integrate;
 mod laws;
 mod measure;
+#[cfg(unix)]
+mod monado;
 mod observer;
 mod plan;
 mod polyhedra;
@@ -58,3 +63,4 @@ mod support;
 mod transport;
 mod twins;
 mod vulkan;
+mod xr;

@@ -197,7 +197,7 @@ fn moving_scene(space: &str) -> Scene {
 }
 
 fn pose(scene: &Scene, frame: u32) -> Pose {
-    Pose { observer: scene.observer.frame, time: f64::from(frame) / 30.0 }
+    Pose::new(scene.observer.frame, f64::from(frame) / 30.0)
 }
 
 /// Three hundred frames: refits, no builds of meshes but for copies that appear for the first time, no growth of memory

@@ -383,8 +383,8 @@ fn objects_attach_to_what_there_is() {
         "my.toml:6:10: attach: unknown value \"floor\" (known: world, viewer, left-hand, right-hand)"
     );
     assert_eq!(
-        refuse(&format!("{mesh}\"left-hand\"\n")),
-        "my.toml:6:10: attach: hands that are tracked are not available yet: use \"viewer\" with an offset"
+        refuse(&format!("{mesh}\"left-hand\"\nposition = [0, 0, 0]\n")),
+        "my.toml:7:1: \"position\" has no meaning for an object of kind \"mesh\" with attach = \"left-hand\""
     );
     assert_eq!(
         refuse(&format!("{mesh}\"viewer\"\nposition = [0, 0, 0]\n")),

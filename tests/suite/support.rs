@@ -18,7 +18,7 @@ use std::{
     },
 };
 
-/// Comma list of what must not be skipped: `compute`, `rt`, `validation`.
+/// Comma list of what must not be skipped: `compute`, `rt`, `validation`, `xr`.
 const REQUIRE: &str = "HOLONOMY_REQUIRE";
 
 static TURN: Mutex<()> = Mutex::new(());

@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{
     geometry::GeometryId,
-    shader_io::{Dispatch, GROUP_HEIGHT, GROUP_WIDTH, Specialization, binding},
+    shader_io::{Dispatch, GROUP_HEIGHT, GROUP_WIDTH, LIST_WIDTH, Specialization, binding},
     vulkan::{
         Tier, VulkanError,
         descriptor::{Bound, BufferSet, Layout},
@@ -88,8 +88,15 @@ impl Tracer for Compute {
         recorder: &mut Recorder<'a>,
         set: &'a BufferSet,
         tile: &Dispatch,
+        eyes: u32,
     ) -> Result<(), VulkanError> {
-        let groups = [tile.extent[0].div_ceil(GROUP_WIDTH), tile.extent[1].div_ceil(GROUP_HEIGHT)];
+        let groups = if self.variant.1.listed != 0 {
+            let groups = tile.extent[0].div_ceil(GROUP_WIDTH * GROUP_HEIGHT);
+            let across = groups.min(LIST_WIDTH);
+            [across, groups.div_ceil(across.max(1)), 1]
+        } else {
+            [tile.extent[0].div_ceil(GROUP_WIDTH), tile.extent[1].div_ceil(GROUP_HEIGHT), eyes]
+        };
         recorder.dispatch(&self.pipeline, set, Some(tile), groups)
     }
 }

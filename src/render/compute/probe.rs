@@ -80,7 +80,7 @@ impl Probe {
                 }
             };
             batch.arguments.upload(&mut self.submitter, bytemuck::cast_slice(chunk))?;
-            let groups = [(chunk.len() as u32).div_ceil(PROBE_GROUP), 1];
+            let groups = [(chunk.len() as u32).div_ceil(PROBE_GROUP), 1, 1];
             let Batch { results: buffer, readback, set, .. } = &mut batch;
             let bytes = buffer.size();
             let pipeline = &self.pipeline;

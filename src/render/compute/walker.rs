@@ -106,7 +106,7 @@ impl Walker {
             }
         }
         let set = BufferSet::new(self.pipeline.layout(), &bound)?;
-        let groups = [(count as u32).div_ceil(PROBE_GROUP), 1];
+        let groups = [(count as u32).div_ceil(PROBE_GROUP), 1, 1];
         let ends: Vec<u32> = walks.iter().map(|walk| walk.until).collect();
         loop {
             let before: Vec<u32> = walks.iter().map(|walk| walk.bounces).collect();

@@ -13,7 +13,9 @@
 //! every binding that the shader text names, even where a specialization constant has removed all uses; that is
 //! one shared buffer of [`NULL_BYTES`] bytes.
 
+pub mod eyes;
 pub mod pack;
+pub mod rays;
 pub mod tiles;
 
 use super::{
@@ -128,12 +130,17 @@ pub trait Tracer: Debug + Sized {
     /// What the pipeline takes.
     fn layout(&self) -> &Layout;
 
-    /// Traces the pixels of a tile.
+    /// Traces the pixels of a tile, of one eye or of two at once.
     ///
     /// # Errors
     /// Objects of another device.
-    fn trace<'a>(&'a self, recorder: &mut Recorder<'a>, set: &'a BufferSet, tile: &Dispatch)
-    -> Result<(), VulkanError>;
+    fn trace<'a>(
+        &'a self,
+        recorder: &mut Recorder<'a>,
+        set: &'a BufferSet,
+        tile: &Dispatch,
+        eyes: u32,
+    ) -> Result<(), VulkanError>;
 
     /// Bytes that it needs for each pixel of a launch, as the array `bends`.
     fn bytes_per_pixel(&self) -> u64 {
@@ -158,6 +165,8 @@ pub struct DeviceBackend<T: Tracer> {
     options: T::Options,
     null: Arc<Buffer>,
     loaded: Option<Loaded<T>>,
+    /// Only where a headset is drawn for.
+    eyes: Option<eyes::Canvas>,
 }
 
 /// A world on the device.
@@ -173,6 +182,8 @@ struct Loaded<T> {
     /// Learnt from the pictures so far.
     pace: Pace,
     canvas: Option<Canvas>,
+    /// Buffers of the world and of the headset's eyes together.
+    eyes: Option<BufferSet>,
 }
 
 /// What depends on the picture's size; kept from one picture to the next of the same size.
@@ -201,7 +212,7 @@ impl<T: Tracer> DeviceBackend<T> {
         let null = Buffer::new(context, "nothing", NULL_BYTES)?;
         submitter.submit("clear the null buffer", |r| r.clear(&null))?;
         let device = Device { context: context.clone(), submitter };
-        Ok(Self { device, options, null: Arc::new(null), loaded: None })
+        Ok(Self { device, options, null: Arc::new(null), loaded: None, eyes: None })
     }
 
     /// The device's context.
@@ -239,10 +250,10 @@ impl<T: Tracer> Backend for DeviceBackend<T> {
         } else {
             None
         };
-        let view = Arc::new(Buffer::new(&device.context, "view", size_of::<View>() as u64)?);
+        let view = Arc::new(Buffer::new(&device.context, "view", size_of::<[View; 2]>() as u64)?);
         let pace = Pace::new(device.context.info().max_workgroups);
         let world = world.clone();
-        self.loaded = Some(Loaded { world, tracer, scene, view, counters, pace, canvas: None });
+        self.loaded = Some(Loaded { world, tracer, scene, view, counters, pace, canvas: None, eyes: None });
         Ok(())
     }
 
@@ -290,7 +301,34 @@ impl<T: Tracer> Backend for DeviceBackend<T> {
     }
 }
 
+/// Binds what is not there, for the bindings that a shader's text names and its constants leave unused.
+fn fill_up(bound: &mut Vec<Bound>, null: &Arc<Buffer>) {
+    for unused in 0..BINDINGS as u32 {
+        if bound.iter().all(|b| b.binding != unused) {
+            // `.length()` of what is not there is at most 1.
+            bound.push(Bound { binding: unused, buffer: null.clone(), bytes: 4 });
+        }
+    }
+}
+
 impl<T: Tracer> Loaded<T> {
+    /// What the tracer's shaders read and write: the world, and the buffers of a picture.
+    fn set(&self, device: &Device, null: &Arc<Buffer>, picture: &[Bound]) -> Result<BufferSet, VulkanError> {
+        let mut bound = self.scene.clone();
+        let pixels = picture.iter().find(|b| b.binding == binding::pixels).map_or(0, |b| b.bytes / PIXEL_BYTES);
+        let bends = pixels * self.tracer.bytes_per_pixel();
+        if bends > 0 {
+            bound.push(Bound::whole(binding::bends, &Arc::new(Buffer::new(&device.context, "bends", bends)?)));
+        }
+        bound.push(Bound::whole(binding::view, &self.view));
+        bound.extend_from_slice(picture);
+        if let Some((counts, _)) = &self.counters {
+            bound.push(Bound::whole(binding::counts, counts));
+        }
+        fill_up(&mut bound, null);
+        BufferSet::new(self.tracer.layout(), &bound)
+    }
+
     /// Bytes of all buffers of the world and the picture.
     fn memory(&self, null: &Arc<Buffer>) -> u64 {
         let scene = self.scene.iter().map(|b| b.buffer.size());
@@ -342,28 +380,13 @@ impl<T: Tracer> Picture<'_, T> {
         let context = &self.backend.device.context;
         let pixels = Arc::new(Buffer::new(context, "pixels", bytes)?);
         let readback = HostBuffer::new(context, "pixels", bytes, Direction::Readback)?;
-        let mut bound = self.loaded.scene.clone();
-        bound.push(Bound::whole(binding::view, &self.loaded.view));
-        bound.push(Bound::whole(binding::pixels, &pixels));
-        if let Some((counts, _)) = &self.loaded.counters {
-            bound.push(Bound::whole(binding::counts, counts));
-        }
-        let bends = pixels.size() / PIXEL_BYTES * self.loaded.tracer.bytes_per_pixel();
-        if bends > 0 {
-            bound.push(Bound::whole(binding::bends, &Arc::new(Buffer::new(context, "bends", bends)?)));
-        }
-        for unused in 0..BINDINGS as u32 {
-            if bound.iter().all(|b| b.binding != unused) {
-                // `.length()` of what is not there is at most 1.
-                bound.push(Bound { binding: unused, buffer: self.backend.null.clone(), bytes: 4 });
-            }
-        }
+        let set =
+            self.loaded.set(&self.backend.device, &self.backend.null, &[Bound::whole(binding::pixels, &pixels)])?;
         let tracer = &self.loaded.tracer;
-        let set = BufferSet::new(tracer.layout(), &bound)?;
         // Drivers that compile at a pipeline's first dispatch do it for this empty one, so that the time of tracing
         // is that of tracing.
-        let nothing = Dispatch { origin: [0, 0], extent: [0, 0], offset: [0.5, 0.5] };
-        self.backend.device.submitter.submit("compile", |r| tracer.trace(r, &set, &nothing))?;
+        let nothing = Dispatch { origin: [0, 0], extent: [0, 0], offset: [0.5, 0.5], eye: 0 };
+        self.backend.device.submitter.submit("compile", |r| tracer.trace(r, &set, &nothing, 1))?;
         Ok(Canvas { pixels, readback, set })
     }
 
@@ -392,7 +415,7 @@ impl<T: Tracer> Picture<'_, T> {
             let offset = self.shot.sample_offset(sample).map(|x| x as f32);
             let mut tiles = Tiles::new(size);
             while let Some((origin, extent)) = tiles.next(self.loaded.pace.tile()) {
-                self.draw_tile(canvas, &Dispatch { origin, extent, offset })?;
+                self.draw_tile(canvas, &Dispatch { origin, extent, offset, eye: 0 })?;
             }
         }
         let bytes = u64::from(size[0]) * u64::from(size[1]) * PIXEL_BYTES;
@@ -414,7 +437,7 @@ impl<T: Tracer> Picture<'_, T> {
             }
             // Earlier samples of the same pixels, and the fills.
             r.barrier(&[Access::Shaders, Access::Transfer], &[Access::Shaders]);
-            tracer.trace(r, &canvas.set, tile)?;
+            tracer.trace(r, &canvas.set, tile, 1)?;
             if let Some((counts, readback)) = counting {
                 r.readback(counts, readback, COUNT_BYTES)?;
             }

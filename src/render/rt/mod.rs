@@ -29,7 +29,7 @@ use super::{
 };
 use crate::{
     geometry::GeometryId,
-    shader_io::{COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, Dispatch, Specialization, types::vec3},
+    shader_io::{COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, Dispatch, LIST_WIDTH, Specialization, types::vec3},
     vulkan::{
         Context, Tier, VulkanError,
         descriptor::{Bound, BufferSet, Layout},
@@ -172,8 +172,16 @@ impl Tracer for Rt {
         recorder: &mut Recorder<'a>,
         set: &'a BufferSet,
         tile: &Dispatch,
+        eyes: u32,
     ) -> Result<(), VulkanError> {
-        recorder.trace(&self.pipeline, &self.table, set, tile, tile.extent)
+        let [across, down] = tile.extent;
+        // Rows of a list are whole but for the last.
+        let extent = if self.variant.constants.listed != 0 {
+            [LIST_WIDTH, across.div_ceil(LIST_WIDTH), 1]
+        } else {
+            [across, down, eyes]
+        };
+        recorder.trace(&self.pipeline, &self.table, set, tile, extent)
     }
 
     fn bytes_per_pixel(&self) -> u64 {

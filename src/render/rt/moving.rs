@@ -187,7 +187,7 @@ impl MovingMeshes {
         device.submitter.submit("place moving meshes", |r| {
             r.barrier(&[Access::Shaders, Access::Transfer, Access::Build], &[Access::Shaders]);
             for placement in &placements {
-                r.dispatch(pipeline, set, Some(placement), [placement.count.div_ceil(PLACE_GROUP), 1])?;
+                r.dispatch(pipeline, set, Some(placement), [placement.count.div_ceil(PLACE_GROUP), 1, 1])?;
             }
             r.barrier(&[Access::Shaders], &[Access::Build, Access::Shaders]);
             Ok(())

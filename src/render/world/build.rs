@@ -27,7 +27,7 @@ impl World {
     /// # Errors
     /// [`WorldError`]: an object or a light reaches into too many cells, or a cell is no polyhedron.
     pub fn new(scene: &Scene, plan: &Plan, observer: Frame) -> Result<Self, WorldError> {
-        visit(scene.space.geometry, Build { scene, plan, pose: Pose { observer, time: 0.0 }, moving: false })
+        visit(scene.space.geometry, Build { scene, plan, pose: Pose::new(observer, 0.0), moving: false })
     }
 
     /// The same with a geometry in place of that of the scene's space, whose coordinates it must share.
@@ -40,7 +40,7 @@ impl World {
         plan: &Plan,
         observer: Frame,
     ) -> Result<Self, WorldError> {
-        Builder::new(geometry, scene, plan, &Motions::Frozen)?.build(Pose { observer, time: 0.0 })
+        Builder::new(geometry, scene, plan, &Motions::Frozen)?.build(Pose::new(observer, 0.0))
     }
 
     /// Prepares `scene` for a sequence of pictures: objects in motion and objects attached to the observer can be
@@ -193,7 +193,13 @@ impl<'a, G: Geometry> Builder<'a, G> {
             if divided && !object.moves() && matches!(self.motions, Motions::Again(_)) {
                 continue;
             }
-            let frame = self.frame_of(object, pose)?;
+            let Some(frame) = self.frame_of(object, pose)? else {
+                // A hand that is not tracked: its mesh keeps its place among those that move.
+                if let (Shape::Mesh(mesh), false) = (object.shape, matches!(self.motions, Motions::Frozen)) {
+                    self.add_absent(index, object, mesh, pose.observer);
+                }
+                continue;
+            };
             match object.shape {
                 Shape::Mesh(mesh) if object.moves() && !matches!(self.motions, Motions::Frozen) => {
                     self.add_mover(index, object, mesh, frame)?;
@@ -233,11 +239,16 @@ impl<'a, G: Geometry> Builder<'a, G> {
         Ok(())
     }
 
-    /// Where an object's own frame is, with its point inside its cell.
-    fn frame_of(&self, object: &Object, pose: Pose) -> Result<Frame, WorldError> {
+    /// Where an object's own frame is, with its point inside its cell; none for what hangs off a hand that is not tracked.
+    fn frame_of(&self, object: &Object, pose: Pose) -> Result<Option<Frame>, WorldError> {
+        let hung = |frame: Frame, offset, rotation| frame.moved(self.geometry, offset).rotated(rotation);
         let frame = match object.place {
             Place::World(frame) => frame,
-            Place::Viewer { offset, rotation } => pose.observer.moved(self.geometry, offset).rotated(rotation),
+            Place::Viewer { offset, rotation } => hung(pose.observer, offset, rotation),
+            Place::Hand { hand, offset, rotation } => match pose.hands[hand as usize] {
+                Some(grip) => hung(grip, offset, rotation),
+                None => return Ok(None),
+            },
         };
         let frame = match object.motion {
             Some(motion) => {
@@ -246,7 +257,8 @@ impl<'a, G: Geometry> Builder<'a, G> {
             }
             None => frame,
         };
-        reduce_frame(self.geometry, &self.domain, frame).ok_or_else(|| WorldError::Lost(object.name.clone()))
+        let reduced = reduce_frame(self.geometry, &self.domain, frame);
+        reduced.map(Some).ok_or_else(|| WorldError::Lost(object.name.clone()))
     }
 
     fn rest(&self, index: usize, object: &Object, mesh: usize, frame: Frame) -> RestMesh {
@@ -295,6 +307,14 @@ impl<'a, G: Geometry> Builder<'a, G> {
             .collect();
         self.movers.push(Mover { rest, copies });
         Ok(())
+    }
+
+    /// Adds an object that moves and is not there at present.
+    fn add_absent(&mut self, index: usize, object: &Object, mesh: usize, somewhere: Frame) {
+        let last = if let Motions::Again(last) = self.motions { *last } else { &[] };
+        let known = last.iter().find(|mover| mover.rest.object == index as u32).map(|mover| mover.rest.clone());
+        let rest = known.unwrap_or_else(|| Arc::new(self.rest(index, object, mesh, somewhere)));
+        self.movers.push(Mover { rest, copies: Vec::new() });
     }
 
     /// Adds a surface that was divided into triangles; returns the copies of it that reach into cells.

@@ -66,6 +66,15 @@ pub struct Pose {
     pub observer: Frame,
     /// Time, for objects in motion.
     pub time: f64,
+    /// Left and right hand, where a headset tracks them: the frames of their grips.
+    pub hands: [Option<Frame>; 2],
+}
+
+impl Pose {
+    /// A pose without hands.
+    pub fn new(observer: Frame, time: f64) -> Self {
+        Self { observer, time, hands: [None; 2] }
+    }
 }
 
 /// A mesh that moves.

@@ -226,7 +226,7 @@ impl<'a> Recorder<'a> {
         table: &'a ShaderTable,
         set: &'a BufferSet,
         push: &P,
-        extent: [u32; 2],
+        extent: [u32; 3],
     ) -> Result<(), VulkanError> {
         let layout = pipeline.layout();
         self.own(layout.context(), pipeline.name())?;
@@ -256,7 +256,7 @@ impl<'a> Recorder<'a> {
                 &vk::StridedDeviceAddressRegionKHR::default(),
                 extent[0].max(1),
                 extent[1].max(1),
-                1,
+                extent[2].max(1),
             );
         }
         Ok(())
