@@ -7,11 +7,11 @@
 
 use super::{Bench, Case, Family, NUMBERS, On, Reading, Trouble, geodesic::Start, walk};
 use crate::{
-    geometry::{Geodesic, Geometry, Isometry, Visitor, exponential, visit},
-    measure::reference::{Big, distance, model},
+    geometry::{Geodesic, Geometry, GeometryId, Isometry, Visitor, across, visit},
+    measure::reference::{Big, Big4, Model, distance, model},
     space::{Space, domain::Domain, walk::Path},
 };
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, DVec4};
 use rayon::prelude::*;
 
 /// Angle of a pixel.
@@ -117,56 +117,44 @@ fn worst(numbers: impl Iterator<Item = f64>) -> f64 {
 }
 
 fn in_pixels(bench: &mut Bench, on: On, space: &Space, faces: u32) -> Result<Reading, Trouble> {
-    struct Turn(Unfolded);
-    impl Visitor for Turn {
-        type Output = f64;
-        fn visit<G: Geometry>(self, geometry: G) -> f64 {
-            turn(geometry, &self.0)
-        }
-    }
+    let model = model(space.geometry).ok_or_else(|| Trouble(String::from("no reference")))?;
     let rays = unfolded(bench, on, space, faces)?;
-    let turns: Vec<f64> = rays.par_iter().map(|ray| visit(space.geometry, Turn(*ray))).collect();
+    let turns: Vec<f64> = rays.par_iter().map(|ray| turn(model, space.geometry, ray)).collect();
     let limit = BACKWARD[usize::from(on == On::Cpu)];
     Ok(Reading { floor: on.rounding() / PIXEL, ..Reading::new(worst(turns.into_iter()) / PIXEL, limit) })
 }
 
-/// Angle between the ray's direction and that of the geodesic to its computed point.
-fn turn<G: Geometry>(geometry: G, ray: &Unfolded) -> f64 {
-    let point = ray.start.point;
-    let axes = geometry.frame(point);
-    let components = |v| DVec3::from_array(axes.map(|axis| geometry.inner(point, axis, v)));
-    let direction = components(ray.start.velocity);
-    let angle = |w: DVec3| w.normalize().cross(direction).length();
-    // Where the ray is the shortest way, that is known in closed form and with all digits, however far it leads.
-    let (velocity, length) = geometry.log(point, ray.end.point);
-    let shortest = components(velocity);
-    if (length - ray.length).abs() < 1e-2 * ray.length && angle(shortest) < 0.1 {
-        return angle(shortest);
-    }
-    // Else Newton's method from the ray itself.
-    let vector = |w: DVec3| axes[0] * w.x + axes[1] * w.y + axes[2] * w.z;
-    let end = |w: DVec3| exponential(geometry, point, vector(w));
-    let mut w = direction * ray.length;
-    for _ in 0..8 {
-        let here = end(w);
-        let frame = geometry.frame(here);
-        let off = |to| {
-            let (v, length) = geometry.log(here, to);
-            DVec3::from_array(frame.map(|axis| geometry.inner(here, axis, v))) * length
-        };
-        const STEP: f64 = 1e-5;
-        let column = |axis: DVec3| (off(end(w + axis * STEP)) - off(end(w - axis * STEP))) / (2.0 * STEP);
-        let differential = DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z));
-        let step = differential.inverse() * off(ray.end.point);
-        if !step.is_finite() {
-            return f64::NAN;
-        }
-        w += step;
-        if step.length() < 1e-13 * ray.length {
-            break;
+/// Angle between the ray's direction and that of the geodesic to its computed point: how the exact end moves with the
+/// direction and the length, from differences of the reference, solved for the way from the exact end to the computed one.
+/// Coordinates that grow like e^t are taken relative to their size.
+fn turn(model: &dyn Model, id: GeometryId, ray: &Unfolded) -> f64 {
+    /// Two directions across the ray.
+    struct Across(Geodesic);
+    impl Visitor for Across {
+        type Output = [DVec4; 2];
+        fn visit<G: Geometry>(self, geometry: G) -> [DVec4; 2] {
+            across(geometry, self.0)
         }
     }
-    angle(w)
+    const STEP: f64 = 1e-6;
+    let count = model.components()[0];
+    let end = |velocity: DVec4, length: f64| {
+        let start = model.settle(ray.start.point.to_array(), velocity.to_array());
+        model.flow(&start, &Big::new(length)).point
+    };
+    let exact = end(ray.start.velocity, ray.length);
+    let scale = |i: usize| exact[i].to_f64().abs().max(1.0);
+    let relative = |p: &Big4| -> DVec4 {
+        let number = |i: usize| if i < count { (&p[i] - &exact[i]).to_f64() / scale(i) } else { 0.0 };
+        DVec4::from_array(std::array::from_fn(number))
+    };
+    let off = relative(&ray.end.point.to_array().map(Big::new));
+    let [u, v] = visit(id, Across(ray.start)).map(|w| relative(&end(ray.start.velocity + w * STEP, ray.length)) / STEP);
+    let along = relative(&end(ray.start.velocity, ray.length + STEP)) / STEP;
+    let columns = [u, v, along];
+    let product = |a: DVec4| DVec3::from_array(columns.map(|column| column.dot(a)));
+    let solved = DMat3::from_cols(product(u), product(v), product(along)).inverse() * product(off);
+    solved.truncate().length()
 }
 
 fn in_floors(bench: &mut Bench, on: On, space: &Space, faces: u32) -> Result<Reading, Trouble> {

@@ -49,7 +49,7 @@ pub(super) fn scene(space: &Space, light: Option<DVec4>) -> Result<Scene, Troubl
         cell: 0,
         point: light.unwrap_or(ball.aside),
         color: [2.0; 3],
-        range: 2.0 * ball.inradius,
+        range: ball.inradius,
         shadows: true,
         spot: None,
     });

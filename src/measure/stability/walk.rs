@@ -1,7 +1,7 @@
 //! A thousand to a hundred thousand faces in one ray, in every closed space: what is left of its point and direction.
 //!
 //! A point drifts off its model and a direction off its length by the rounding of each face. How far is told by the
-//! reference: the nearest point of the model and unit tangent vector there, in 192 bits, after every thousandth face.
+//! reference: the nearest point of the model and unit tangent vector there, in 192 bits, after every 250th face.
 
 use super::{Bench, Case, Family, NUMBERS, On, Random, Reading, Trouble};
 use crate::{
@@ -27,8 +27,9 @@ const FOLLOW: Follow = Follow { tolerance: TOLERANCE, sagitta: f64::INFINITY };
 /// Rays of a walk.
 const RAYS: usize = 16;
 
-/// Faces between two looks at the drift.
-const LOOK: u32 = 1000;
+/// Faces between two looks at the drift. From each look on lengths are counted anew: with the length the tolerance of arcs
+/// grows, and pictures do not reach so far.
+const LOOK: u32 = 250;
 
 pub(super) fn cases() -> Vec<Case> {
     let family =
@@ -128,6 +129,7 @@ fn drift(bench: &mut Bench, on: On, space: &Space, bounces: u32) -> Result<f64, 
                     for look in (LOOK..=bounces).step_by(LOOK as usize) {
                         until(geometry, &domain, &mut path, look, |_| ()).then_some(())?;
                         looks.push(path.state);
+                        path.travelled = 0.0;
                     }
                     Some(looks)
                 })
@@ -149,6 +151,7 @@ fn drift(bench: &mut Bench, on: On, space: &Space, bounces: u32) -> Result<f64, 
                     return Err(lost());
                 }
                 states.extend(walks.iter().map(state));
+                walks.iter_mut().for_each(|walk| walk.travelled = 0.0);
             }
             states
         }
