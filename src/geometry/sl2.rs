@@ -19,7 +19,7 @@
 //! Reflections of the base in vertical planes are among them.
 
 use super::{
-    Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3,
+    ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3,
     curved::{
         before_passage, cosh_sinhc, first_passage, first_zero, integrals, longest_arc, nearest_parameter, shoot,
         wave_area,
@@ -36,6 +36,9 @@ pub struct Sl2;
 /// Longest arc, and how far ahead [`Geometry::exit`] looks for planes that are not vertical: a walk takes at most
 /// one arc at a time, so it meets every passage.
 const HORIZON: f64 = 16.0;
+
+/// Directions along a wall: [`ALONG_FACE`] times the entries that pairings of the octagon for genus 2 have at its corners.
+const ALONG_WALL: f64 = 32.0 * ALONG_FACE;
 
 /// The point with base point `(x, y)` in the hyperboloid and fibre angle `angle`.
 pub fn element(x: f64, y: f64, angle: f64) -> DVec4 {
@@ -340,7 +343,10 @@ impl Geometry for Sl2 {
             let start = along + plane.w * p.w;
             let bend = 2.0 * c * n.perp_dot(v) + start * (v.length_squared() + c * c);
             let square = (v.length() - c.abs()) * (v.length() + c.abs());
-            return first_passage(square, if start.abs() <= ON_FACE { 0.0 } else { start }, n.dot(v), bend);
+            // Rates below the rounding of n, which is long far out, are those of directions along the wall.
+            let rate = n.dot(v);
+            let rate = if rate.abs() <= ALONG_WALL { 0.0 } else { rate };
+            return first_passage(square, if start.abs() <= ON_FACE { 0.0 } else { start }, rate, bend);
         }
         let form = |g: Geodesic| {
             let rate = self.chart_vector(g.point, g.velocity);

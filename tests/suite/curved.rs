@@ -63,7 +63,8 @@ impl Visitor for Arcs {
             }
             let arc = geometry.arc(g, whole, tolerance);
             assert!(arc > 0.0 && arc <= whole);
-            if arc == whole {
+            // Only arcs that end because of the tolerance.
+            if arc == whole || geometry.arc(g, whole, 0.5 * tolerance) == arc {
                 continue;
             }
             let (segment, _) = Segment::along(geometry, g, (arc * self.longer).min(whole));

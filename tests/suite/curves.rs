@@ -68,7 +68,8 @@ impl Visitor for Ratios {
             assert!(arc > 0.0 && arc <= u_max);
             let ratio = deviation(geometry, g, (self.stretch * arc).min(u_max)) / tolerance;
             worst = worst.max(ratio);
-            if arc < u_max {
+            // Only arcs that end because of the tolerance.
+            if arc < u_max && geometry.arc(g, u_max, 0.5 * tolerance) < arc {
                 early.push(ratio);
             }
         }
