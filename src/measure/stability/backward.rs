@@ -21,7 +21,7 @@ const PIXEL: f64 = std::f64::consts::FRAC_PI_3 / 1000.0;
 const RAYS: usize = 16;
 
 /// Pixels that a ray may be off backwards, in single and double precision.
-const BACKWARD: [f64; 2] = [0.1, 1e-9];
+const BACKWARD: [f64; 2] = [0.1, 1e-8];
 
 /// Floors that it may be off forwards, for each face.
 const FORWARD: f64 = 20.0;
