@@ -2,27 +2,24 @@
 
 use super::{
     AccuracyArgs, BackendChoice, Failure, Outcome,
+    backends::{Opened, measure_failure},
     output::{PendingFile, PictureFormat, encode},
     print_line,
+    progress::Progress,
 };
 use crate::{
     geometry::{GEOMETRIES, GeometryId},
     measure::{
-        MeasureError,
         accuracy::{Findings, Request, measure},
         report::Report,
     },
-    render::{Backend, compute::ComputeBackend, cpu::CpuBackend, rt::RtBackend},
     scene::{Scene, file},
-    vulkan::{Context, ContextOptions, Tier},
 };
 use anyhow::{Context as _, anyhow};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Value, json};
 use std::{
     fs,
     io::{Write, stderr, stdout},
-    sync::Arc,
     time::Duration,
 };
 
@@ -36,16 +33,11 @@ pub(super) fn run(args: &AccuracyArgs) -> Outcome {
     let geometries = if nothing_named || args.all { GEOMETRIES.iter().map(|e| e.id).collect() } else { named };
     fs::create_dir_all(&args.output).with_context(|| args.output.display().to_string()).map_err(Failure::Refused)?;
 
-    let (mut backends, device) = open(&args.backend)?;
+    let opened = open(&args.backend)?;
+    let device = opened.iter().find_map(|o| if let Opened::Compute(context) = o { Some(context) } else { None });
+    let mut backends = opened.iter().map(Opened::backend).collect::<Result<Vec<_>, _>>()?;
     let devices: Vec<String> = backends.iter().map(|b| format!("{}: {}", b.name(), b.device())).collect();
-    let bar = ProgressBar::with_draw_target(Some(1000), ProgressDrawTarget::stderr());
-    if let Ok(style) = ProgressStyle::with_template("{wide_bar} {percent:>3} %, {eta} left, {msg}") {
-        bar.set_style(style);
-    }
-    let progress = |what: &str, share: f64| {
-        bar.set_message(what.to_owned());
-        bar.set_position((share * 1000.0) as u64);
-    };
+    let progress = Progress::new();
     let request = Request {
         geometries: &geometries,
         scenes: &scenes,
@@ -54,52 +46,26 @@ pub(super) fn run(args: &AccuracyArgs) -> Outcome {
         leave_out: args.leave_out,
         size: args.size,
         limit: Duration::from_secs_f64(args.limit),
-        device: device.as_ref(),
+        device,
     };
-    let findings = measure(&request, &mut backends, &progress).map_err(|error| match error {
-        MeasureError::World(error) => Failure::refused(error),
-        error => Failure::failed(error),
-    })?;
-    bar.finish_and_clear();
+    let findings =
+        measure(&request, &mut backends, &|what, share| progress.say(what, share)).map_err(measure_failure)?;
+    progress.finish();
     let settings = json!({ "backends": devices, "size": args.size, "threads": rayon::current_num_threads() });
     write(args, settings, findings)
 }
 
-/// Backends, and the device of `compute`.
-type Opened = (Vec<Box<dyn Backend>>, Option<Arc<Context>>);
-
-/// The backends asked for, and the device of `compute`. Without a wish: the cpu, and compute where a device has it.
-fn open(wish: &[BackendChoice]) -> Result<Opened, Failure> {
-    let context = |tier| {
-        let options = ContextOptions { tier, ..ContextOptions::from_env().map_err(Failure::vulkan)? };
-        Context::new(&options).map_err(Failure::vulkan)
-    };
-    let (mut backends, mut device): (Vec<Box<dyn Backend>>, _) = (Vec::new(), None);
-    let mut compute = |context: Arc<Context>| -> Result<Box<dyn Backend>, Failure> {
-        let backend = ComputeBackend::new(&context).map_err(Failure::failed)?;
-        device = Some(context);
-        Ok(Box::new(backend))
-    };
-    for choice in wish {
-        match choice {
-            BackendChoice::Cpu => backends.push(Box::new(CpuBackend::default())),
-            BackendChoice::Compute => backends.push(compute(context(Tier::Compute)?)?),
-            BackendChoice::Rt => {
-                backends.push(Box::new(RtBackend::new(&context(Tier::Rt)?).map_err(Failure::failed)?));
-            }
-            BackendChoice::Auto => return Err(Failure::refused(anyhow!("--backend: name cpu, compute or rt"))),
-        }
-    }
+/// The backends asked for. Without a wish: the cpu, and compute where a device has it.
+fn open(wish: &[BackendChoice]) -> Result<Vec<Opened>, Failure> {
     if wish.is_empty() {
-        backends.push(Box::new(CpuBackend::default()));
-        match context(Tier::Compute) {
-            Ok(context) => backends.push(compute(context)?),
-            Err(reason) => {
-                let _ = writeln!(stderr(), "the cpu alone is measured: {reason}");
-            }
+        let (there, missing) = Opened::available(&[BackendChoice::Cpu, BackendChoice::Compute]);
+        for (_, reason) in missing {
+            let _ = writeln!(stderr(), "the cpu alone is measured: {reason}");
         }
+        return Ok(there);
     }
-    Ok((backends, device))
+    let named = || Failure::refused(anyhow!("--backend: name cpu, compute or rt"));
+    wish.iter().map(|choice| Opened::new(*choice)?.ok_or_else(named)).collect()
 }
 
 /// Writes the files and prints the tables.

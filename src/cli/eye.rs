@@ -133,6 +133,7 @@ impl EyeFile {
             size: self.size,
             samples: 1,
             seed: 0,
+            bounces: None,
         }
     }
 }

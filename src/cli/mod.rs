@@ -4,12 +4,15 @@
 //! Exit codes: 0 done, 1 refused input, 2 failed. Errors are one line on stderr; `--json` alone goes to stdout.
 
 mod accuracy;
+mod backends;
 mod batch;
 mod check;
 mod devices;
 mod eye;
 mod geodesic;
 pub mod output;
+mod profile;
+mod progress;
 mod render;
 mod sequence;
 mod stability;
@@ -110,6 +113,8 @@ enum Command {
     Stability(StabilityArgs),
     /// Measure error against run time of integrators, tolerances and backends.
     Accuracy(AccuracyArgs),
+    /// Measure frame time over the number of bounces, on every backend.
+    Profile(ProfileArgs),
     /// Follow a geodesic, or a pixel's ray, through the faces of a space.
     Transport(TransportArgs),
 }
@@ -397,6 +402,53 @@ struct AccuracyArgs {
 }
 
 #[derive(Args)]
+struct ProfileArgs {
+    /// TOML scene files or names of shipped scenes; without any, the scenes of all named spaces.
+    scenes: Vec<String>,
+    /// Largest numbers of face passages of a ray.
+    #[arg(long, value_name = "N,N,..", value_delimiter = ',', default_value = "1,2,3,4,6,8,12,16",
+        value_parser = clap::value_parser!(u32).range(1..=MAX_BOUNCES as i64))]
+    bounces: Vec<u32>,
+    /// Backends to measure; auto is all that are there.
+    #[arg(long, value_enum, value_name = "B,B,..", value_delimiter = ',', default_value = "auto")]
+    backend: Vec<BackendChoice>,
+    /// Sizes of the picture (of each eye's with --stereo) in pixels.
+    #[arg(long, value_name = "WxH,..", value_delimiter = ',', default_value = "256x256", value_parser = parse_size)]
+    size: Vec<[u32; 2]>,
+    /// Both eyes, beside one eye for control.
+    #[arg(long)]
+    stereo: bool,
+    /// Frames of each configuration that are measured.
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    frames: u32,
+    /// Frames of each configuration that are thrown away before, besides the first.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=100_000))]
+    warm_up: u32,
+    /// How geodesics that are curved in the chart are integrated.
+    #[arg(long, value_enum, default_value = "exact")]
+    integrator: Integrator,
+    /// Lengths of the steps of euler and rk4, for curved geodesics.
+    #[arg(long, value_name = "H,H,..", value_delimiter = ',', value_parser = parse_positive)]
+    steps: Vec<f64>,
+    /// Tolerances of exact and dopri5, for curved geodesics; as `render --tolerance`.
+    #[arg(long, value_name = "E,E,..", value_delimiter = ',', value_parser = parse_positive)]
+    tolerances: Vec<f64>,
+    /// The book's settings: both eyes beside one, 1512x1680 for an eye in its spaces with straight geodesics and 1360x1512
+    /// in those with curved ones.
+    #[arg(long, conflicts_with = "size")]
+    book: bool,
+    /// Print the ratios to an earlier run's profile.json, and write them to profile-comparison.csv.
+    #[arg(long, value_name = "FILE.json")]
+    compare: Option<PathBuf>,
+    /// Folder for profile.json, .csv, .svg and a plot for each scene; made if it is not there.
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Print the report as JSON instead of tables.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Args)]
 struct TransportArgs {
     #[arg(help = SCENE_HELP)]
     scene: String,
@@ -445,6 +497,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> Outcome {
         Command::Geodesic(args) => geodesic::run(&args),
         Command::Stability(args) => stability::run(&args),
         Command::Accuracy(args) => accuracy::run(&args),
+        Command::Profile(args) => profile::run(&args),
         Command::Transport(args) => transport::run(&args),
     }
 }

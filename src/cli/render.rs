@@ -2,35 +2,30 @@
 
 use super::{
     BackendChoice, Failure, Outcome, RenderArgs,
+    backends::{Opened, render_failure},
     eye::EyeFile,
     output::{PendingFile, PictureFormat, encode, picture_format},
+    progress::Progress,
     sequence::{Pattern, check_range, pose},
 };
 use crate::{
-    geometry::{Geometry, Visitor, visit},
     integrate::Method,
     render::{
-        Backend, RenderError, Shot, Stats, Target, auto,
-        compute::ComputeBackend,
-        cpu::CpuBackend,
+        Backend, Shot, Stats, Target, auto,
         plan::{Feature, Plan},
-        rt::{RtBackend, RtOptions},
+        rt::RtOptions,
         side_by_side,
         world::{Pose, World},
     },
     scene::{Object, Scene, file},
     shader_io as io,
-    space::{domain::Domain, observer::Frame, reduce::reduce_frame},
-    vulkan::{Context, ContextOptions, Tier, VulkanError},
 };
 use anyhow::anyhow;
-use glam::DVec3;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Value, json};
 use std::{
-    io::{IsTerminal, Write},
+    io::Write,
     ops::Range,
-    sync::{Arc, OnceLock},
+    sync::Arc,
     time::{Duration, Instant},
 };
 
@@ -178,7 +173,8 @@ impl Session {
             self.pictures += 1;
             return Ok(target);
         }
-        let eyes = if args.stereo { stereo_eyes(scene)? } else { vec![scene.observer.frame] };
+        let eyes =
+            if args.stereo { scene.eyes().map_err(Failure::refused)?.to_vec() } else { vec![scene.observer.frame] };
         let mut target = Target::new(side_by_side(args.size, eyes.len() as u32));
         for (index, eye) in eyes.iter().enumerate() {
             let shot =
@@ -199,58 +195,20 @@ fn backend_for(args: &RenderArgs, plan: &Plan) -> Result<(Box<dyn Backend>, Stri
     if args.recursive && args.backend != BackendChoice::Rt {
         return Err(Failure::refused(anyhow!("--recursive is an experiment of the backend rt: add --backend rt")));
     }
-    let open = |tier| {
-        let options = ContextOptions { tier, ..ContextOptions::from_env().map_err(Failure::vulkan)? };
-        Context::new(&options).map_err(Failure::vulkan)
-    };
-    let asked_for = |backend: &dyn Backend| format!("backend {}: {} (asked for)", backend.name(), backend.device());
-    let (backend, reason): (Box<dyn Backend>, _) = match args.backend {
-        BackendChoice::Auto => {
+    let (backend, reason) = match Opened::new(args.backend)? {
+        None => {
             let chosen = auto::choose(plan).map_err(Failure::vulkan)?;
             (chosen.backend, chosen.reason)
         }
-        BackendChoice::Cpu => (Box::new(CpuBackend::default()), String::from("backend cpu: asked for")),
-        BackendChoice::Compute => {
-            let backend = ComputeBackend::new(&open(Tier::Compute)?).map_err(Failure::failed)?;
-            let reason = asked_for(&backend);
-            (Box::new(backend), reason)
-        }
-        BackendChoice::Rt => {
-            let options = RtOptions { recursive: args.recursive };
-            let backend = RtBackend::with_options(&open(Tier::Rt)?, options).map_err(Failure::failed)?;
-            let reason = asked_for(&backend);
-            (Box::new(backend), reason)
+        Some(Opened::Cpu) => (Opened::Cpu.backend()?, String::from("backend cpu: asked for")),
+        Some(opened) => {
+            let backend = opened.with_options(RtOptions { recursive: args.recursive })?;
+            let reason = format!("backend {}: {} (asked for)", backend.name(), backend.device());
+            (backend, reason)
         }
     };
     backend.check(plan).map_err(|missing| Failure::failed(anyhow!("{} lacks {missing}", backend.device())))?;
     Ok((backend, reason))
-}
-
-fn render_failure(error: RenderError) -> Failure {
-    match error {
-        RenderError::TooLarge { .. }
-        | RenderError::Vulkan(VulkanError::Recursion { .. } | VulkanError::TooMany { .. }) => Failure::refused(error),
-        RenderError::NothingLoaded | RenderError::Vulkan(_) => Failure::failed(error),
-    }
-}
-
-/// Left and right eye: half of their distance along the observer's right axis, by parallel transport.
-fn stereo_eyes(scene: &Scene) -> Result<Vec<Frame>, Failure> {
-    struct Eyes<'a>(&'a Scene);
-    impl Visitor for Eyes<'_> {
-        type Output = Option<Vec<Frame>>;
-        fn visit<G: Geometry>(self, geometry: G) -> Self::Output {
-            let domain = Domain::new(&self.0.space);
-            let observer = &self.0.observer;
-            let eye = |side: f64| {
-                let step = DVec3::X * (0.5 * side * observer.eye_distance);
-                reduce_frame(geometry, &domain, observer.frame.moved(geometry, step))
-            };
-            [-1.0, 1.0].into_iter().map(eye).collect()
-        }
-    }
-    visit(scene.space.geometry, Eyes(scene))
-        .ok_or_else(|| Failure::refused(anyhow!("an eye has no place in the domain")))
 }
 
 fn paste(target: &mut Target, view: &Target, left: u32) {
@@ -372,39 +330,4 @@ fn stats_json(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
             Value::Null
         },
     })
-}
-
-/// A bar on stderr, only on a terminal and only for work that takes longer than a second.
-pub(super) struct Progress {
-    started: Instant,
-    shown: bool,
-    bar: OnceLock<ProgressBar>,
-}
-
-impl Progress {
-    const STEPS: u64 = 1000;
-
-    pub(super) fn new() -> Self {
-        Self { started: Instant::now(), shown: std::io::stderr().is_terminal(), bar: OnceLock::new() }
-    }
-
-    pub(super) fn set(&self, share: f64) {
-        if !self.shown || (self.started.elapsed() < Duration::from_secs(1) && self.bar.get().is_none()) {
-            return;
-        }
-        let bar = self.bar.get_or_init(|| {
-            let bar = ProgressBar::with_draw_target(Some(Self::STEPS), ProgressDrawTarget::stderr());
-            if let Ok(style) = ProgressStyle::with_template("{wide_bar} {percent:>3} %, {eta} left") {
-                bar.set_style(style);
-            }
-            bar
-        });
-        bar.set_position((share * Self::STEPS as f64) as u64);
-    }
-
-    pub(super) fn finish(&self) {
-        if let Some(bar) = self.bar.get() {
-            bar.finish_and_clear();
-        }
-    }
 }

@@ -1,6 +1,6 @@
 //! `holonomy stability`: every stiff and extreme case, with error, floor and verdict.
 
-use super::{BackendChoice, Failure, Outcome, StabilityArgs, output::PendingFile, print_line, render::Progress};
+use super::{BackendChoice, Failure, Outcome, StabilityArgs, output::PendingFile, print_line, progress::Progress};
 use crate::measure::stability::{self, Bench, Case, Line, On, Reading, Verdict};
 use anyhow::anyhow;
 use serde_json::{Value, json};

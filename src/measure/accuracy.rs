@@ -2,7 +2,7 @@
 
 use super::{
     MeasureError, convergence, geodesics,
-    plot::{Plot, Series},
+    plot::{Plot, Scale, Series},
     report::{Cell, Table},
     scenes::{self, Study},
 };
@@ -121,10 +121,7 @@ fn series(table: &Table, fixed: (&str, &str), by: &[&str], axes: [&str; 2]) -> V
         Some(Cell::Text(text)) => text.clone(),
         _ => String::new(),
     };
-    let number = |row: &Vec<Cell>, name: &str| match column(name).and_then(|i| row.get(i)) {
-        Some(Cell::Number(x)) => *x,
-        _ => f64::NAN,
-    };
+    let number = |row: &Vec<Cell>, name: &str| table.number(row, name).unwrap_or(f64::NAN);
     let mut found: Vec<Ladder> = Vec::new();
     for row in table.rows.iter().filter(|row| word(row, fixed.0) == fixed.1) {
         let name = by.iter().map(|name| word(row, name)).collect::<Vec<_>>().join(" ");
@@ -153,6 +150,7 @@ fn geodesic_plot(table: &Table, geometry: &str) -> Plot {
     Plot {
         title: format!("Geodesics of {geometry}: error of the end against time"),
         axes: [String::from("ns per unit length"), String::from("largest error of end points")],
+        scale: Scale::Logarithmic,
         series,
         size: SIZE,
     }
@@ -165,6 +163,7 @@ fn picture_plot(table: &Table, scene: &str) -> Plot {
     Plot {
         title: format!("{scene}: error of the picture against time"),
         axes: [String::from("ms per frame"), String::from("share of pixels off by more than 2/255")],
+        scale: Scale::Logarithmic,
         series,
         size: SIZE,
     }

@@ -1,18 +1,21 @@
 //! Measurements: error against run time, with tables and plots of any kind, and how results hold on stiff and extreme
 //! input ([`stability`], against [`mod@reference`]).
 //!
-//! [`convergence`] shows whether defaults are converged. [`accuracy`] puts together what [`geodesics`] measures of integrators in the model geometries and what [`scenes`]
+//! [`profile`] measures frame time over bounces, [`machine`](mod@machine) says on what, [`compare`] sets two profiles side by side. [`convergence`] shows whether defaults are converged. [`accuracy`] puts together what [`geodesics`] measures of integrators in the model geometries and what [`scenes`]
 //! measures of pictures, with the errors of [`picture`] (of which one is [`flip`]) and of [`backward`]; [`double`] is the
 //! arithmetic of the reference. [`report`] and [`plot`] know nothing of what is measured.
 
 pub mod accuracy;
 pub mod backward;
+pub mod compare;
 pub mod convergence;
 pub mod double;
 pub mod flip;
 pub mod geodesics;
+pub mod machine;
 pub mod picture;
 pub mod plot;
+pub mod profile;
 pub mod reference;
 pub mod report;
 pub mod scenes;
@@ -39,6 +42,9 @@ pub enum MeasureError {
     /// A scene does not fit.
     #[error(transparent)]
     World(#[from] crate::render::world::WorldError),
+    /// An observer's eye is nowhere.
+    #[error(transparent)]
+    Eyes(#[from] crate::scene::NoPlaceForEye),
     /// A plot could not be drawn.
     #[error("plot {0}: {1}")]
     Plot(String, String),

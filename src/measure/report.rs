@@ -41,7 +41,8 @@ impl From<Option<f64>> for Cell {
 }
 
 impl Cell {
-    fn json(&self) -> Value {
+    /// The value in JSON.
+    pub fn json(&self) -> Value {
         match self {
             Self::Text(text) => json!(text),
             Self::Number(x) if x.is_finite() => json!(x),
@@ -95,6 +96,27 @@ impl Table {
     pub fn push(&mut self, mut row: Vec<Cell>) {
         row.resize(self.columns.len(), Cell::Empty);
         self.rows.push(row);
+    }
+
+    /// The number in a row under a column; none if there is none.
+    pub fn number(&self, row: &[Cell], column: &str) -> Option<f64> {
+        let index = self.columns.iter().position(|name| name == column)?;
+        match row.get(index) {
+            Some(Cell::Number(x)) => Some(*x),
+            _ => None,
+        }
+    }
+
+    /// The table with some of its columns, told by their indices.
+    pub fn only(&self, keep: impl Fn(usize) -> bool) -> Self {
+        let of = |i: &usize| keep(*i);
+        let indices: Vec<usize> = (0..self.columns.len()).filter(of).collect();
+        Self {
+            name: self.name.clone(),
+            about: self.about.clone(),
+            columns: indices.iter().map(|i| self.columns[*i].clone()).collect(),
+            rows: self.rows.iter().map(|row| indices.iter().map(|i| row[*i].clone()).collect()).collect(),
+        }
     }
 
     /// Rows as objects with the columns for keys.

@@ -7,6 +7,7 @@
 
 pub mod auto;
 pub mod bvh;
+pub mod clock;
 pub mod compute;
 pub mod cpu;
 pub mod device;
@@ -105,6 +106,8 @@ pub struct Shot {
     pub samples: u32,
     /// Turns the pattern of several samples.
     pub seed: u64,
+    /// Fewer face passages than the world's settings permit.
+    pub bounces: Option<u32>,
 }
 
 impl Shot {
@@ -112,7 +115,7 @@ impl Shot {
     pub fn symmetric(eye: Frame, fov: f64, size: [u32; 2]) -> Self {
         let up = (0.5 * fov.to_radians()).tan();
         let right = up * f64::from(size[0]) / f64::from(size[1]);
-        Self { eye, tangents: [-right, right, -up, up], size, samples: 1, seed: 0 }
+        Self { eye, tangents: [-right, right, -up, up], size, samples: 1, seed: 0, bounces: None }
     }
 
     /// Position of sample `index` in its pixel: the centre, or a point of a rank-1 lattice (the golden-ratio
@@ -135,6 +138,11 @@ impl Shot {
         [(draw() + n / PLASTIC).fract(), (draw() + n / (PLASTIC * PLASTIC)).fract()]
     }
 
+    /// Largest number of face passages of a ray. Labels of cells are tabled for no more than the world's.
+    pub fn bounces(&self, world: &World) -> u32 {
+        self.bounces.unwrap_or(u32::MAX).min(world.settings.bounces)
+    }
+
     /// The shader's view of the shot.
     pub fn view(&self, world: &World) -> shader_io::View {
         let settings = &world.settings;
@@ -153,7 +161,7 @@ impl Shot {
             tolerance: self.tolerance(settings.tolerance) as f32,
             sagitta: world.sagitta as f32,
             size: self.size,
-            bounces: settings.bounces,
+            bounces: self.bounces(world),
             cell: self.eye.cell as u32,
             integration: settings.method.parameter() as f32,
         }

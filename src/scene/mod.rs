@@ -18,10 +18,13 @@ mod reader;
 pub mod shipped;
 mod texture;
 
+use crate::geometry::{Geometry, Visitor, visit};
 use crate::integrate::Method;
 use crate::space::{
     Space,
+    domain::Domain,
     observer::{Frame, Leg},
+    reduce::reduce_frame,
 };
 use glam::{DMat3, DVec3, DVec4};
 use half::f16;
@@ -50,6 +53,36 @@ pub struct Scene {
     /// How it is to be seen.
     pub settings: Settings,
 }
+
+impl Scene {
+    /// Left and right eye: half of their distance along the observer's right axis, by parallel transport.
+    ///
+    /// # Errors
+    /// [`NoPlaceForEye`].
+    pub fn eyes(&self) -> Result<[Frame; 2], NoPlaceForEye> {
+        struct Eyes<'a>(&'a Scene);
+        impl Visitor for Eyes<'_> {
+            type Output = [Option<Frame>; 2];
+            fn visit<G: Geometry>(self, geometry: G) -> Self::Output {
+                let domain = Domain::new(&self.0.space);
+                let observer = &self.0.observer;
+                [-0.5, 0.5].map(|side| {
+                    let step = DVec3::X * (side * observer.eye_distance);
+                    reduce_frame(geometry, &domain, observer.frame.moved(geometry, step))
+                })
+            }
+        }
+        match visit(self.space.geometry, Eyes(self)) {
+            [Some(left), Some(right)] => Ok([left, right]),
+            _ => Err(NoPlaceForEye),
+        }
+    }
+}
+
+/// No pairing brings an eye of the observer back into the domain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("an eye has no place in the domain")]
+pub struct NoPlaceForEye;
 
 /// The observer of a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -17,3 +17,9 @@ pub fn find(name: &str) -> Option<&'static [u8]> {
 pub fn asset(path: &str) -> Option<&'static [u8]> {
     ASSETS.iter().find(|(known, _)| *known == path).map(|(_, bytes)| *bytes)
 }
+
+/// Names of the shipped scenes that the book measures.
+pub fn of_the_book() -> impl Iterator<Item = &'static str> {
+    let list = asset("book.list").and_then(|bytes| std::str::from_utf8(bytes).ok()).unwrap_or_default();
+    list.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'))
+}

@@ -389,7 +389,7 @@ fn body_sees_balls_with_two_eyes_as_the_geometry_says() {
                 // A window that holds the ball, off its middle and off the view axis.
                 let (x, y) = (-theory.x / theory.z, -theory.y / theory.z);
                 let tangents = [x - 0.017, x + 0.020, y - 0.019, y + 0.018];
-                let shot = Shot { eye, tangents, size: [SIDE; 2], samples: 1, seed: 0 };
+                let shot = Shot { eye, tangents, size: [SIDE; 2], samples: 1, seed: 0, bounces: None };
                 (pose.rotation * middle(&scene, &shot), pose.rotation * theory)
             };
             let ((left, left_theory), (right, right_theory)) = (see(-1.0, 0.0), see(1.0, 0.0));

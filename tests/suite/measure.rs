@@ -8,7 +8,7 @@ use holonomy::{
         double::Double,
         flip::{PIXELS_PER_DEGREE, flip, flip_map},
         picture::{distance_error, picture_error},
-        plot::{Plot, Series},
+        plot::{Plot, Scale, Series},
         quantile,
         reference::Big,
         report::{Cell, Table},
@@ -141,6 +141,7 @@ fn measure_plots_show_every_series() {
     let plot = |points: Vec<[f64; 2]>| Plot {
         title: String::from("a plot"),
         axes: [String::from("ms"), String::from("error")],
+        scale: Scale::Logarithmic,
         series: vec![Series { name: String::from("euler & co"), points }],
         size: [320, 240],
     };

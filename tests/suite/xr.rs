@@ -623,7 +623,7 @@ fn xr_eyes_tell_of_a_lost_device() {
     let world = std::sync::Arc::new(World::moving(&scene, &plan, pose).expect("a world"));
     let size = [24, 16];
     let layout = EyeLayout { size, largest: size, encoding: Encoding::Rgba16F, depth: None, rays: Rays::All };
-    let shot = Shot { eye: pose.observer, tangents: [-1.0, 0.8, -0.9, 0.9], size, samples: 1, seed: 0 };
+    let shot = Shot { eye: pose.observer, tangents: [-1.0, 0.8, -0.9, 0.9], size, samples: 1, seed: 0, bounces: None };
     let options = EyeOptions { bounces: Some(2), together: true, read_back: false };
     assert_eq!(backend.set_eyes(layout.clone()).expect_err("no scene").to_string(), "no scene is loaded");
     backend.load(&world).expect("loaded");

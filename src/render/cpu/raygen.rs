@@ -29,12 +29,12 @@ impl<G: Geometry> Tracer<'_, G> {
         let settings = &self.world.settings;
         let limit = if self.uses.max_distance { settings.max_distance.unwrap_or(f64::INFINITY) } else { f64::INFINITY };
         let mut path = Path::new(start, self.shot.eye.cell, limit);
-        let limit_of_segments = (settings.bounces + 1).saturating_mul(SEGMENTS_PER_BOUNCE);
+        let limit_of_segments = (self.bounces + 1).saturating_mul(SEGMENTS_PER_BOUNCE);
         let mut surface = None;
         let mut faces = Vec::new();
         self.count(counts, COUNT_RAYS);
         while path.status == Status::Flying && path.segments < limit_of_segments {
-            let segment = self.segment(&mut path, settings.bounces, |face| faces.push(face));
+            let segment = self.segment(&mut path, self.bounces, |face| faces.push(face));
             if let Some(segment) = segment {
                 self.count(counts, COUNT_SEGMENTS);
                 surface = self.trace_segment(&mut path, segment, counts, |face| faces.push(face));

@@ -29,6 +29,8 @@ pub struct Tracer<'a, G> {
     pub(super) meshes: &'a Meshes,
     hierarchy: &'a Hierarchy,
     pub(super) shot: &'a Shot,
+    /// Largest number of face passages.
+    pub(super) bounces: u32,
     pub(super) follow: Follow,
     pub(super) uses: Uses,
 }
@@ -76,6 +78,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
             meshes: world.meshes(),
             hierarchy: world.hierarchy(),
             shot,
+            bounces: shot.bounces(world),
             follow: Follow { tolerance: shot.tolerance(world.settings.tolerance), sagitta: world.sagitta },
             uses,
         }
@@ -123,7 +126,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
                 (path.status == Status::Hit).then_some(surface)
             }
             None => {
-                self.transport(path, self.world.settings.bounces, crossed);
+                self.transport(path, self.bounces, crossed);
                 None
             }
         }

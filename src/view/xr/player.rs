@@ -160,7 +160,7 @@ impl Player {
         let pose = self.pose(&look, FrameTime { display: 0, period: 0, should_render: true })?;
         self.load(&look, pose)?;
         let frame = self.body.head(&self.domain)?;
-        let shot = Shot { eye: frame, tangents: eye.tangents(), size: self.size(), samples: 1, seed: 0 };
+        let shot = Shot { eye: frame, tangents: eye.tangents(), size: self.size(), samples: 1, seed: 0, bounces: None };
         let options = EyeOptions { bounces: Some(1), together: self.options.together, read_back: false };
         self.backend.draw_eyes(&[shot; 2], None, options)?;
         (self.first_display, self.layout) = (None, None);
@@ -271,7 +271,7 @@ impl Painter for Player {
         let size = self.layout.as_ref().map_or(self.options.size, |layout| layout.size);
         let shot = |eye: usize| -> Result<Shot, XrError> {
             let frame = self.body.place(&self.domain, look.eyes[eye].pose)?;
-            Ok(Shot { eye: frame, tangents: look.eyes[eye].tangents(), size, samples: 1, seed: 0 })
+            Ok(Shot { eye: frame, tangents: look.eyes[eye].tangents(), size, samples: 1, seed: 0, bounces: None })
         };
         let shots = [shot(0)?, shot(1)?];
         let place = started.elapsed();
