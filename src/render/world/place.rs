@@ -2,7 +2,7 @@
 
 use super::{WorldError, meshes::RestMesh};
 use crate::{
-    geometry::{Geometry, Isometry, exponential},
+    geometry::{Geodesic, Geometry, Isometry, exponential},
     space::{deck::Elements, domain::Domain},
 };
 use glam::DVec4;
