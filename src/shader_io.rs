@@ -698,7 +698,7 @@ bindings! {
     26 passages: writeonly uint;
     /// Pixels that have rays: column, row and eye in the bits of a word.
     27 rays: readonly uint;
-    /// Pixels in a row that share a ray, for each square of [`RATE_TILE`] pixels of each eye.
+    /// Pixels in a row that share a ray, for each square of [`RATE_TILE`](super::RATE_TILE) pixels of each eye.
     28 rates: readonly uint;
     /// Pixels of the eyes as the image wants them: one or two words each.
     29 packed: writeonly uint;

@@ -7,6 +7,8 @@ const bool GEO_STRAIGHT = false;
 
 const float SL2_HORIZON = 16.0; // longest arc; exits through planes that are not vertical are looked for so far at most
 
+const float SL2_ALONG_WALL = 32.0 * IO_ALONG_FACE; // directions along a wall: see the twin
+
 vec2 sl2_perp(vec2 v) {
     return vec2(-v.y, v.x);
 }
@@ -205,7 +207,9 @@ float geo_exit(Geodesic g, vec4 plane, float reach) {
         float start = along + plane.w * p.w;
         float bend = 2.0 * c * sl2_cross(n, v) + start * (dot(v, v) + c * c);
         if (abs(start) <= IO_ON_FACE) start = 0.0;
-        return m_first_passage(sl2_square(g.velocity.xyz), start, dot(n, v), bend, IO_ALONG_FACE);
+        float rate = dot(n, v);
+        if (abs(rate) <= SL2_ALONG_WALL) rate = 0.0;
+        return m_first_passage(sl2_square(g.velocity.xyz), start, rate, bend, IO_ALONG_FACE);
     }
     float threshold = 0.0;
     float bend = 2.0 * length(plane.xy) + 0.75 * abs(plane.z);

@@ -47,14 +47,15 @@ float stepped_exit(Dense dense, vec4 plane) {
         }
         if (f_low >= -IO_ON_FACE) return M_INFINITY;
     }
-    // Regula falsi, the end that stays counting half (the Illinois method). Among values that are rounding alone it would
+    // Regula falsi, an end that stays twice counting half (the Illinois method). Among values that are rounding alone it would
     // walk away again: the best is kept.
     float high = 1.0;
     float f_high = r0 + r1;
     float best = high;
     float least = f_high;
+    int last = 0;
     float rounding = 1.2e-7 * (abs(r0) + abs(r1) + abs(plane.w));
-    for (int i = 0; i < 12; i++) {
+    for (int i = 0; i < 16; i++) {
         float share = clamp(high - f_high * (high - low) / (f_high - f_low), low, high);
         float rest = 1.0 - share;
         float f = r0 + share * (r1 + rest * (r2 + share * (r3 + rest * r4)));
@@ -66,11 +67,13 @@ float stepped_exit(Dense dense, vec4 plane) {
         if (f > 0.0) {
             high = share;
             f_high = f;
-            f_low *= 0.5;
+            if (last > 0) f_low *= 0.5;
+            last = 1;
         } else {
             low = share;
             f_low = f;
-            f_high *= 0.5;
+            if (last < 0) f_high *= 0.5;
+            last = -1;
         }
     }
     return best;

@@ -383,13 +383,13 @@ struct AccuracyArgs {
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Size of the pictures.
-    #[arg(long, value_name = "WxH", default_value = "128x96", value_parser = parse_size)]
+    #[arg(long, value_name = "WxH", default_value = "96x72", value_parser = parse_size)]
     size: [u32; 2],
     /// Backends to measure. Repeatable; cpu, and compute where there is a device, if not given.
     #[arg(long, value_enum)]
     backend: Vec<BackendChoice>,
     /// Seconds of a frame after which Euler's step is halved no more.
-    #[arg(long, value_name = "S", default_value_t = 8.0, value_parser = parse_positive)]
+    #[arg(long, value_name = "S", default_value_t = 4.0, value_parser = parse_positive)]
     limit: f64,
     /// Print the report as JSON instead of tables.
     #[arg(long)]

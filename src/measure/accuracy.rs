@@ -110,6 +110,9 @@ fn own_table() -> Table {
     Table::new("picture-reference", about, &["scene", "tolerance", "own error"])
 }
 
+/// A name with points and the parameters that they belong to.
+type Ladder = (String, Vec<(f64, [f64; 2])>);
+
 /// The numbers of two columns in the rows whose words are the given ones, a series for each combination of the words in
 /// `by`.
 fn series(table: &Table, fixed: (&str, &str), by: &[&str], axes: [&str; 2]) -> Vec<Series> {
@@ -122,23 +125,25 @@ fn series(table: &Table, fixed: (&str, &str), by: &[&str], axes: [&str; 2]) -> V
         Some(Cell::Number(x)) => *x,
         _ => f64::NAN,
     };
-    let mut found: Vec<Series> = Vec::new();
+    let mut found: Vec<Ladder> = Vec::new();
     for row in table.rows.iter().filter(|row| word(row, fixed.0) == fixed.1) {
         let name = by.iter().map(|name| word(row, name)).collect::<Vec<_>>().join(" ");
-        let point = axes.map(|axis| number(row, axis));
-        match found.iter_mut().find(|s| s.name == name) {
-            Some(series) => series.points.push(point),
-            None => found.push(Series { name, points: vec![point] }),
+        let place = (number(row, "parameter"), axes.map(|axis| number(row, axis)));
+        match found.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, points)) => points.push(place),
+            None => found.push((name, vec![place])),
         }
     }
-    for series in &mut found {
-        series.points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    }
-    found
+    // From coarse to fine.
+    let ordered = |(name, mut points): Ladder| {
+        points.sort_by(|a, b| b.0.total_cmp(&a.0));
+        Series { name, points: points.into_iter().map(|(_, point)| point).collect() }
+    };
+    found.into_iter().map(ordered).collect()
 }
 
 /// Size of plots in pixels.
-const SIZE: [u32; 2] = [640, 420];
+const SIZE: [u32; 2] = [760, 420];
 
 fn geodesic_plot(table: &Table, geometry: &str) -> Plot {
     let by = ["integrator", "backend", "precision"];

@@ -1,12 +1,9 @@
 //! Plots of points over logarithmic axes, as SVG.
 
 use super::MeasureError;
-use plotters::{
-    chart::SeriesLabelPosition,
-    prelude::{
-        ChartBuilder, Circle, Color, IntoDrawingArea, IntoLogRange, LineSeries, Palette, Palette99, PathElement,
-        RGBColor, SVGBackend, WHITE,
-    },
+use plotters::prelude::{
+    ChartBuilder, Circle, Color, IntoDrawingArea, IntoLogRange, LineSeries, Palette, Palette99, PathElement, RGBColor,
+    SVGBackend, Text, WHITE,
 };
 
 /// Points joined in their order.
@@ -17,6 +14,9 @@ pub struct Series {
     /// Those with a coordinate that is not positive and finite are left out.
     pub points: Vec<[f64; 2]>,
 }
+
+/// Width of the legend in pixels.
+const LEGEND: u32 = 150;
 
 /// A plot.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,7 +57,9 @@ impl Plot {
         let say = |error: &dyn std::fmt::Display| error.to_string();
         let area = SVGBackend::with_string(text, (self.size[0], self.size[1])).into_drawing_area();
         area.fill(&WHITE).map_err(|e| say(&e))?;
-        let mut chart = ChartBuilder::on(&area)
+        let (left, legend) = area.split_horizontally(self.size[0].saturating_sub(LEGEND));
+        let color = |index: usize| Palette99::pick(index % Palette99::COLORS.len()).to_rgba();
+        let mut chart = ChartBuilder::on(&left)
             .caption(&self.title, ("sans-serif", 18))
             .margin(12)
             .x_label_area_size(42)
@@ -76,23 +78,19 @@ impl Plot {
             .draw()
             .map_err(|e| say(&e))?;
         for (index, series) in self.series.iter().enumerate() {
-            let color = Palette99::pick(index % Palette99::COLORS.len()).to_rgba();
+            let color = color(index);
             let line: Vec<(f64, f64)> = series.points.iter().filter(usable).map(|p| (p[0], p[1])).collect();
-            chart
-                .draw_series(LineSeries::new(line.iter().copied(), color.stroke_width(2)))
-                .map_err(|e| say(&e))?
-                .label(&series.name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
+            chart.draw_series(LineSeries::new(line.iter().copied(), color.stroke_width(2))).map_err(|e| say(&e))?;
             chart.draw_series(line.iter().map(|p| Circle::new(*p, 3, color.filled()))).map_err(|e| say(&e))?;
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::LowerLeft)
-            .background_style(WHITE.mix(0.85))
-            .border_style(RGBColor(205, 205, 205))
-            .label_font(("sans-serif", 13))
-            .draw()
-            .map_err(|e| say(&e))?;
+        // The legend stands beside the plot, where it hides nothing.
+        for (index, series) in self.series.iter().enumerate() {
+            let y = 48 + 20 * index as i32;
+            let line = PathElement::new([(4, y), (22, y)], color(index).stroke_width(2));
+            legend.draw(&line).map_err(|e| say(&e))?;
+            let name = Text::new(series.name.clone(), (28, y - 7), ("sans-serif", 13));
+            legend.draw(&name).map_err(|e| say(&e))?;
+        }
         area.present().map_err(|e| say(&e))
     }
 }

@@ -169,7 +169,11 @@ impl Visitor for UnitPlanes {
         cells.iter_mut().flat_map(|cell| &mut cell.faces).for_each(|face: &mut Face| {
             let normal = face.plane.xyz();
             let foot = normal * (-face.plane.w / normal.length_squared());
-            let rate = geometry.unchart(foot).map(|p| face.plane.dot(geometry.raise(p, normal)));
+            // The form is that of the chart times a factor, which is the form's own where the chart's is 1.
+            let rate = geometry.unchart(foot).map(|p| {
+                let factor = geometry.side(p, face.plane + DVec4::W);
+                factor * normal.dot(geometry.chart_vector(p, geometry.raise(p, normal)))
+            });
             // Planes of the right scale keep their digits; those that miss the chart are left to the check.
             if let Some(rate) = rate.filter(|r| *r > 0.0 && r.is_finite() && (r - 1.0).abs() > 1e-12) {
                 face.plane /= rate;

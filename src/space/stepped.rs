@@ -103,10 +103,11 @@ pub fn exit(dense: &Dense<f64>, plane: DVec4) -> f64 {
         let Some(x) = inside else { return f64::INFINITY };
         (low, f_low) = (x, value(x));
     }
-    // Regula falsi, the end that stays counting half (the Illinois method). Among values that are rounding alone it would
+    // Regula falsi, an end that stays twice counting half (the Illinois method). Among values that are rounding alone it would
     // walk away again: the best is kept.
     let (mut high, mut f_high) = (1.0, r[0] + r[1]);
     let (mut best, mut least) = (high, f_high);
+    let mut last = 0;
     let rounding = f64::EPSILON * (r[0].abs() + r[1].abs() + plane.w.abs());
     for _ in 0..40 {
         let share = (high - f_high * (high - low) / (f_high - f_low)).clamp(low, high);
@@ -118,9 +119,13 @@ pub fn exit(dense: &Dense<f64>, plane: DVec4) -> f64 {
             break;
         }
         if f > 0.0 {
-            (high, f_high, f_low) = (share, f, 0.5 * f_low);
+            (high, f_high) = (share, f);
+            f_low *= if last > 0 { 0.5 } else { 1.0 };
+            last = 1;
         } else {
-            (low, f_low, f_high) = (share, f, 0.5 * f_high);
+            (low, f_low) = (share, f);
+            f_high *= if last < 0 { 0.5 } else { 1.0 };
+            last = -1;
         }
     }
     best

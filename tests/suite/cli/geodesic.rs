@@ -203,7 +203,7 @@ fn geodesic_arguments_are_refused_on_one_line() {
     let precision = format!("{start} --direction 0,0,1 --length 1 --precision");
     assert_eq!(
         refusal(&format!("{precision} f32 --backend cpu")),
-        "the cpu computes in f64: for f32 use --backend compute"
+        "the cpu computes exact flows in f64: for f32 use --backend compute"
     );
     assert_eq!(
         refusal(&format!("{precision} f64 --backend compute")),
