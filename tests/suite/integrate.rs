@@ -285,6 +285,16 @@ fn integrate_charts_end_cleanly() {
     }
 }
 
+/// Next to the edge of a chart, where its rounding is as long as the way itself, an integrated end is refused and not wrong.
+#[test]
+fn integrate_ends_that_the_chart_does_not_resolve_are_refused() {
+    let id = GeometryId::from_name("h3").expect("registered");
+    let methods = [Method::Rk4 { step: 0.01 }, Method::Dopri5 { tolerance: 1e-9 }];
+    let ends = |length| visit(id, Follow("h3", [0.0, 0.0, 0.0, 1.0], [0.6, 0.0, 0.8, 0.0], length, &methods));
+    assert!(ends(5.0).iter().all(Result::is_ok), "{:?}", ends(5.0));
+    assert!(ends(25.0).iter().all(|end| matches!(end, Err(Stop::Chart(_)))), "{:?}", ends(25.0));
+}
+
 /// Distances between ends through faces and the exact ones, and whether the faces are the same; `spoil` is added to the
 /// length of the integrated geodesic.
 struct Through<'a> {
