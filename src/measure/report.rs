@@ -64,7 +64,7 @@ impl Cell {
         match self {
             Self::Text(text) => text.clone(),
             Self::Empty => String::from("-"),
-            Self::Number(x) if *x == 0.0 => String::from("0"),
+            Self::Number(x) if x.trunc() == *x && x.abs() < 1e5 => x.to_string(),
             Self::Number(x) if x.abs() >= 1e5 || x.abs() < 1e-2 => format!("{x:.1e}"),
             Self::Number(x) if x.abs() >= 100.0 => format!("{x:.0}"),
             Self::Number(x) => format!("{x:.3}"),
