@@ -56,6 +56,7 @@
 //! | the reference that errors are measured against | [`mod@measure::reference`] |
 //! | a stiff or extreme case | [`measure::stability`] |
 //! | what is measured, tables and plots | [`measure`] |
+//! | frame time, and what a pixel costs | [`measure::profile`], [`measure::heatmap`] |
 //! | what a headset shows, and how a session ends | [`view::xr`] |
 //! | where eyes and hands of a player are | [`space::body`] |
 //! | an option of the command line | [`cli`] |

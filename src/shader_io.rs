@@ -620,6 +620,8 @@ specialization! {
     eyes: bool = false;
     /// Only the pixels of a list have rays.
     listed: bool = false;
+    /// One more than the counter that pixels show instead of what is seen; 0 for none.
+    heat: uint = 0;
 }
 
 /// Declares buffer bindings of descriptor set 0 for both sides.

@@ -28,6 +28,8 @@ const ENTRIES: &[&str] = &[
     "resolve.comp",
     "raygen.rgen",
     "raygen_reorder.rgen",
+    "raygen_clock.rgen",
+    "path_clock.comp",
     "transport.rmiss",
     "recursive.rmiss",
     "shadow.rmiss",

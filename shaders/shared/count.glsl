@@ -5,15 +5,20 @@
 #define COUNT_GLSL
 #include "shared/io.glsl"
 
+// What the pixel shows of its work, where it does: counted where a path begins and ends, so not in hit and miss shaders.
+uint count_heat = 0u;
+
 #ifdef COUNT_AT_ONCE
 void count_add(uint what, uint number) {
     if (IO_COUNTERS) atomicAdd(io_counts[what], number);
+    if (what + 1u == IO_HEAT) count_heat += number;
 }
 #else
 uint count_sums[IO_COUNT_END] = uint[](0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u);
 
 void count_add(uint what, uint number) {
     if (IO_COUNTERS) count_sums[what] += number;
+    if (what + 1u == IO_HEAT) count_heat += number;
 }
 
 void count_flush() {

@@ -36,6 +36,9 @@ uvec3 raygen_listed(uint index) {
 }
 
 void stage_raygen(uvec2 pixel, uint eye, vec2 offset) {
+#ifdef RAYGEN_CLOCK
+    uint started = clock2x32ARB().x;
+#endif
     View view = io_view[eye];
     Geodesic g = raygen_geodesic(view, vec2(pixel) + offset);
     Path path = walk_start(g, view.cell, 0u);
@@ -53,9 +56,16 @@ void stage_raygen(uvec2 pixel, uint eye, vec2 offset) {
     if (path.status == PATH_HIT) count(IO_COUNT_HITS);
     count_add(IO_COUNT_BOUNCES, path.bounces);
     uint at = (eye * view.size.y + pixel.y) * view.size.x + pixel.x;
+    vec3 result = raygen_result(path, hit);
+    // What is seen goes along with what it cost, so that the compiler leaves nothing out.
+#ifdef RAYGEN_CLOCK
+    result = vec3(float(clock2x32ARB().x - started), result.x + result.y + result.z, 0.0);
+#else
+    if (IO_HEAT != 0u) result = vec3(float(count_heat), result.x + result.y + result.z, 0.0);
+#endif
     // A pixel that has its ray is told by a distance above 0.
-    if (IO_EYES) io_pixels[at] = vec4(raygen_result(path, hit), path.status == PATH_HIT ? path.travelled + 1e-6 : M_INFINITY);
-    else io_pixels[at] += vec4(raygen_result(path, hit), 1.0);
+    if (IO_EYES) io_pixels[at] = vec4(result, path.status == PATH_HIT ? path.travelled + 1e-6 : M_INFINITY);
+    else io_pixels[at] += vec4(result, 1.0);
 }
 
 #endif

@@ -22,7 +22,7 @@ mod vr;
 use crate::{
     geometry::GEOMETRIES,
     integrate::Method,
-    render::plan::Feature,
+    render::plan::{Feature, Heat},
     scene::{MAX_BOUNCES, Shading},
     space::body::Tracking,
     vulkan::VulkanError,
@@ -222,6 +222,9 @@ struct RenderArgs {
     /// What the picture shows, instead of the scene's.
     #[arg(long, value_name = "NAME", value_parser = shading_parser())]
     shading: Option<Shading>,
+    /// Show what each pixel costs instead of what is seen, in colours from dark (least) to bright; .exr holds the values.
+    #[arg(long, value_name = "WHAT", value_parser = named_parser(Heat::NAMES), conflicts_with_all = ["frames", "recursive"])]
+    heatmap: Option<Heat>,
     /// Count work and write what was used, what was left out and what it cost.
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,

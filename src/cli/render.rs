@@ -5,14 +5,17 @@ use super::{
     backends::{Opened, render_failure},
     eye::EyeFile,
     output::{PendingFile, PictureFormat, encode, picture_format},
+    print_line,
     progress::Progress,
     sequence::{Pattern, check_range, pose},
 };
 use crate::{
     integrate::Method,
+    measure::heatmap::{self, Scale},
     render::{
         Backend, Shot, Stats, Target, auto,
-        plan::{Feature, Plan},
+        cpu::CpuBackend,
+        plan::{Feature, Heat, Plan},
         rt::RtOptions,
         side_by_side,
         world::{Pose, World},
@@ -23,7 +26,7 @@ use crate::{
 use anyhow::anyhow;
 use serde_json::{Value, json};
 use std::{
-    io::Write,
+    io::{Write, stdout},
     ops::Range,
     sync::Arc,
     time::{Duration, Instant},
@@ -51,15 +54,48 @@ pub(super) fn run(args: &RenderArgs) -> Outcome {
     let picture = PendingFile::create(&args.output)?;
     let stats_file = args.stats.as_deref().map(PendingFile::create).transpose()?;
 
-    let mut session = Session::new(args, &scene, stats_file.is_some(), false)?;
+    let counted = args.heatmap.is_some_and(|heat| heat.counter().is_some());
+    let mut session = Session::new(args, &scene, stats_file.is_some() || counted, false)?;
     if let Some((file, pose)) = &seen {
         session.see(args, &scene, file, *pose)?;
     }
     let progress = Progress::new();
-    let target = session.draw(args, &scene, &|share| progress.set(share))?;
+    let mut target = session.draw(args, &scene, &|share| progress.set(share))?;
     progress.finish();
+    if let Some(heat) = args.heatmap {
+        let beyond = if heat.counter().is_some() { heatmap::COUNTED } else { heatmap::TIMED };
+        let scale = Scale::of(&target, beyond);
+        target = if format == PictureFormat::Png { scale.paint(&target) } else { heatmap::grey(&target) };
+        session.scale = Some(scale);
+    }
     session.end(args, &scene, stats_file)?;
-    picture.finish(&encode(&target, format, raw && format == PictureFormat::Png)?)
+    picture.finish(&encode(&target, format, raw && args.heatmap.is_none() && format == PictureFormat::Png)?)?;
+    match (args.heatmap, session.scale) {
+        (Some(heat), Some(scale)) => print_line(&mut stdout().lock(), &scale_text(&session, heat, &scale)).map(|_| ()),
+        _ => Ok(()),
+    }
+}
+
+/// What colours stand for, for the terminal.
+fn scale_text(session: &Session, heat: Heat, scale: &Scale) -> String {
+    format!(
+        "heatmap of {}: darkest {}, brightest {}, mean {:.1}, most {} {}",
+        heat.name(),
+        scale.darkest,
+        scale.brightest,
+        scale.mean,
+        scale.most,
+        unit(session, heat),
+    )
+}
+
+/// What the values of a heatmap are.
+fn unit(session: &Session, heat: Heat) -> String {
+    match heat.counter() {
+        Some(_) => format!("{} per pixel and sample", heat.name()),
+        None if session.backend.name() == CpuBackend::NAME => String::from("ns of work per pixel and sample"),
+        None => String::from("ticks of the device's clock per pixel and sample"),
+    }
 }
 
 /// Draws pictures of the scene's camera path. Those that are there already are complete, since files get their names
@@ -104,6 +140,8 @@ struct Session {
     times: Times,
     /// What an eye of a headset saw, if that is to be drawn.
     eye: Option<Shot>,
+    /// Of a heatmap, when it is drawn.
+    scale: Option<Scale>,
 }
 
 /// Pictures of a sequence in a unit of time, by which velocities of objects in motion are given.
@@ -113,7 +151,7 @@ impl Session {
     /// Prepares the scene, for a sequence or for one picture, and loads it.
     fn new(args: &RenderArgs, scene: &Scene, count: bool, sequence: bool) -> Result<Self, Failure> {
         let started = Instant::now();
-        let plan = Plan::new(scene, count).keep(&args.keep);
+        let plan = Plan::new(scene, count).keep(&args.keep).showing(args.heatmap);
         let (mut backend, reason) = backend_for(args, &plan)?;
         let start = Pose::new(scene.observer.frame, 0.0);
         let world =
@@ -126,7 +164,7 @@ impl Session {
         // to stop.
         let _ = writeln!(std::io::stderr(), "{reason}");
         let eyes = if args.stereo { 2 } else { 1 };
-        Ok(Self { backend, plan, world, eyes, pictures: 0, sum: Stats::default(), times, eye: None })
+        Ok(Self { backend, plan, world, eyes, pictures: 0, sum: Stats::default(), times, eye: None, scale: None })
     }
 
     /// Takes the scene in at another time and with its observer elsewhere. The world stays unless it depends on them.
@@ -303,6 +341,15 @@ fn stats_json(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
         },
         "counts": counts,
         "per_pixel": per_pixel,
+        "heatmap": args.heatmap.zip(session.scale).map(|(heat, scale)| json!({
+            "of": heat.name(),
+            "unit": unit(session, heat),
+            "darkest": scale.darkest,
+            "brightest": scale.brightest,
+            "most": scale.most,
+            "mean": scale.mean,
+            "sum": scale.sum * f64::from(args.samples),
+        })),
         "memory_bytes": stats.memory,
         "acceleration": stats.structures.map(|s| json!({
             "bottom_structures": s.bottom,

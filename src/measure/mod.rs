@@ -1,7 +1,7 @@
 //! Measurements: error against run time, with tables and plots of any kind, and how results hold on stiff and extreme
 //! input ([`stability`], against [`mod@reference`]).
 //!
-//! [`profile`] measures frame time over bounces, [`machine`](mod@machine) says on what, [`compare`] sets two profiles side by side. [`convergence`] shows whether defaults are converged. [`accuracy`] puts together what [`geodesics`] measures of integrators in the model geometries and what [`scenes`]
+//! [`profile`] measures frame time over bounces, [`machine`](mod@machine) says on what, [`compare`] sets two profiles side by side, [`heatmap`] shows where in a picture the cost lies. [`convergence`] shows whether defaults are converged. [`accuracy`] puts together what [`geodesics`] measures of integrators in the model geometries and what [`scenes`]
 //! measures of pictures, with the errors of [`picture`] (of which one is [`flip`]) and of [`backward`]; [`double`] is the
 //! arithmetic of the reference. [`report`] and [`plot`] know nothing of what is measured.
 
@@ -12,6 +12,7 @@ pub mod convergence;
 pub mod double;
 pub mod flip;
 pub mod geodesics;
+pub mod heatmap;
 pub mod machine;
 pub mod picture;
 pub mod plot;

@@ -21,7 +21,7 @@ pub struct Series {
     pub points: Vec<[f64; 2]>,
 }
 
-/// Width of the legend in pixels.
+/// Least width of the legend in pixels.
 const LEGEND: u32 = 150;
 
 /// How places on axes belong to numbers.
@@ -59,6 +59,12 @@ impl Plot {
         Ok(text)
     }
 
+    /// Width of the legend in pixels, by its longest name.
+    fn legend(&self) -> u32 {
+        let longest = self.series.iter().map(|series| series.name.chars().count()).max().unwrap_or(0);
+        LEGEND.max(40 + 7 * longest as u32)
+    }
+
     fn draw(&self, text: &mut String) -> Result<(), String> {
         let points = || self.series.iter().flat_map(|s| s.points.iter()).filter(usable);
         let high = [0, 1].map(|axis| points().map(|p| p[axis]).fold(0.0, f64::max));
@@ -67,7 +73,7 @@ impl Plot {
         }
         let area = SVGBackend::with_string(text, (self.size[0], self.size[1])).into_drawing_area();
         area.fill(&WHITE).map_err(say)?;
-        let (left, legend) = area.split_horizontally(self.size[0].saturating_sub(LEGEND));
+        let (left, legend) = area.split_horizontally(self.size[0].saturating_sub(self.legend()));
         let number = |x: &f64| format!("{}", (x * 1e4).round() / 1e4);
         match self.scale {
             Scale::Linear => {

@@ -409,7 +409,7 @@ pub fn plot(table: &Table, scene: Option<&str>) -> Plot {
         axes: [String::from("bounces"), String::from("ms per frame")],
         scale: Scale::Linear,
         series,
-        size: [820, height],
+        size: [900, height],
     }
 }
 

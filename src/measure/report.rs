@@ -45,6 +45,8 @@ impl Cell {
     pub fn json(&self) -> Value {
         match self {
             Self::Text(text) => json!(text),
+            // Whole numbers as such, up to where doubles hold them all.
+            Self::Number(x) if x.trunc() == *x && x.abs() < 9e15 => json!(*x as i64),
             Self::Number(x) if x.is_finite() => json!(x),
             Self::Number(_) | Self::Empty => Value::Null,
         }

@@ -93,6 +93,43 @@ pub struct Plan {
     pub faces: u32,
     /// What the pictures are for.
     pub purpose: Purpose,
+    /// What pixels cost, which they show instead of what is seen.
+    pub heat: Option<Heat>,
+}
+
+/// What a pixel costs, samples and shadow rays together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Heat {
+    /// Segments of primary rays.
+    Segments,
+    /// Passages of primary rays through faces.
+    Bounces,
+    /// Nodes of the hierarchy, of primary and shadow rays.
+    Nodes,
+    /// Time: ticks of the device's clock, nanoseconds of work on the cpu.
+    Time,
+}
+
+impl Heat {
+    /// All with their names on the command line.
+    pub const NAMES: &[(&'static str, Heat)] =
+        &[("segments", Self::Segments), ("bounces", Self::Bounces), ("nodes", Self::Nodes), ("time", Self::Time)];
+
+    /// Name on the command line.
+    pub fn name(self) -> &'static str {
+        Self::NAMES.iter().find(|(_, heat)| *heat == self).map_or("", |(name, _)| name)
+    }
+
+    /// The counter that says so, indexed as [`super::Stats::counts`]; none for time.
+    pub fn counter(self) -> Option<u32> {
+        use crate::shader_io as io;
+        match self {
+            Self::Segments => Some(io::COUNT_SEGMENTS),
+            Self::Bounces => Some(io::COUNT_BOUNCES),
+            Self::Nodes => Some(io::COUNT_NODES),
+            Self::Time => None,
+        }
+    }
 }
 
 /// What pictures are for.
@@ -165,12 +202,17 @@ impl Plan {
         };
         let decisions = Feature::NAMES.iter().map(|(_, feature)| decide(*feature)).collect();
         let faces = unrolled_faces(scene.space.cells.iter().map(|cell| cell.faces.len()));
-        Self { decisions, shading, method: scene.settings.method, faces, purpose: Purpose::Picture }
+        Self { decisions, shading, method: scene.settings.method, faces, purpose: Purpose::Picture, heat: None }
     }
 
     /// The same for another purpose.
     pub fn serving(self, purpose: Purpose) -> Self {
         Self { purpose, ..self }
+    }
+
+    /// The same with pictures of what pixels cost. The plan must count.
+    pub fn showing(self, heat: Option<Heat>) -> Self {
+        Self { heat, ..self }
     }
 
     /// Keeps features in that the scene does not need.
@@ -207,6 +249,7 @@ impl Plan {
             integrator: integrator_number(self.method),
             eyes: (self.purpose != Purpose::Picture).into(),
             listed: (self.purpose == Purpose::Eyes { listed: true }).into(),
+            heat: self.heat.and_then(Heat::counter).map_or(0, |counter| counter + 1),
         }
     }
 }

@@ -6,7 +6,7 @@ use super::{
     command::SUBMIT_TIME_OUT,
     fault::FaultInjection,
     instance::{Creator, Instance, Loader, Messages},
-    tier::{Features, REORDER_EXTENSION, RT_EXTENSIONS},
+    tier::{CLOCK_EXTENSION, Features, REORDER_EXTENSION, RT_EXTENSIONS},
     tracing::Functions,
 };
 use ash::{prelude::VkResult, vk};
@@ -103,6 +103,9 @@ impl Context {
         if reorder {
             extensions.push(REORDER_EXTENSION);
         }
+        if info.has_clock() {
+            extensions.push(CLOCK_EXTENSION);
+        }
         let names: Vec<_> = extensions.iter().map(|e| e.as_ptr()).collect();
         let priorities = [1.0];
         let queues =
@@ -119,6 +122,9 @@ impl Context {
         }
         if reorder {
             create = create.push_next(&mut features.reorder);
+        }
+        if info.has_clock() {
+            create = create.push_next(&mut features.clock);
         }
         let raw = creator.device(instance.raw(), physical, &create, &faults)?;
         // SAFETY: `raw` is a live device of this instance that belongs to us (contract of `Creator`).

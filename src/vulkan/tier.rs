@@ -82,6 +82,8 @@ pub(super) struct Found {
     pub timestamp_period: f32,
     /// `VK_KHR_portability_subset`, which must be enabled where it exists.
     pub portability: bool,
+    /// Shaders can read a clock (`VK_KHR_shader_clock`).
+    pub clock: bool,
     /// Limits of ray tracing, where the device has it.
     pub rt: RtLimits,
     /// The driver's own mark of its build, for pipeline caches.
@@ -131,6 +133,11 @@ impl DeviceInfo {
         self.found.rt
     }
 
+    /// Whether shaders can tell how long they take (`VK_KHR_shader_clock`).
+    pub fn has_clock(&self) -> bool {
+        self.found.clock
+    }
+
     /// What the device lacks for a tier, in words; empty if it can run it.
     pub fn lacks(&self, tier: Tier) -> Vec<String> {
         match tier {
@@ -168,6 +175,9 @@ pub(super) const RT_EXTENSIONS: &[&CStr] = &[
 /// Device extension of [`RtLimits::reorder`], enabled where it exists.
 pub(super) const REORDER_EXTENSION: &CStr = ash::nv::ray_tracing_invocation_reorder::NAME;
 
+/// Device extension of [`DeviceInfo::has_clock`], enabled where it exists.
+pub(super) const CLOCK_EXTENSION: &CStr = ash::khr::shader_clock::NAME;
+
 /// The feature structures of the tiers, one by one: an OpenXR runtime may chain its own structures for features
 /// of the same Vulkan version into device creation, which the collective `VkPhysicalDeviceVulkan12Features`
 /// forbids.
@@ -178,6 +188,7 @@ pub(super) struct Features {
     pub acceleration: vk::PhysicalDeviceAccelerationStructureFeaturesKHR<'static>,
     pub pipeline: vk::PhysicalDeviceRayTracingPipelineFeaturesKHR<'static>,
     pub reorder: vk::PhysicalDeviceRayTracingInvocationReorderFeaturesNV<'static>,
+    pub clock: vk::PhysicalDeviceShaderClockFeaturesKHR<'static>,
 }
 
 impl Features {
@@ -191,6 +202,7 @@ impl Features {
             pipeline: vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default().ray_tracing_pipeline(rt),
             reorder: vk::PhysicalDeviceRayTracingInvocationReorderFeaturesNV::default()
                 .ray_tracing_invocation_reorder(rt),
+            clock: vk::PhysicalDeviceShaderClockFeaturesKHR::default().shader_subgroup_clock(true),
         }
     }
 }
@@ -216,6 +228,7 @@ pub(super) fn describe(
     })?;
     let has = |wanted: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(wanted));
     let rt_extensions = RT_EXTENSIONS.iter().all(|e| has(e));
+    let clock_extension = has(CLOCK_EXTENSION);
     let reorder_extension = rt_extensions && has(REORDER_EXTENSION);
 
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
@@ -238,6 +251,9 @@ pub(super) fn describe(
         }
         if reorder_extension {
             chain = chain.push_next(&mut features.reorder);
+        }
+        if clock_extension {
+            chain = chain.push_next(&mut features.clock);
         }
         // SAFETY: as above.
         unsafe { instance.get_physical_device_features2(physical, &mut chain) };
@@ -311,6 +327,7 @@ pub(super) fn describe(
             queue_family: family.map(|f| f as u32),
             timestamp_bits: family.map_or(0, |f| families[f].timestamp_valid_bits),
             timestamp_period: limits.timestamp_period,
+            clock: clock_extension && features.clock.shader_subgroup_clock == vk::TRUE,
             portability: has(ash::khr::portability_subset::NAME),
             rt: RtLimits {
                 recursion_depth: rt_pipeline.max_ray_recursion_depth,

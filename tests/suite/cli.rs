@@ -6,6 +6,7 @@
 mod geodesic;
 mod options;
 mod pictures;
+mod profile;
 mod program;
 mod reports;
 mod scenes;

@@ -13,6 +13,7 @@
 //! - `geodesic`: errors of end points against a reference of 192 bits.
 //! - `gluing`: gluing files and Dirichlet domains.
 //! - `gltf`, `scene`: what is read, and what is refused with which words.
+//! - `heatmap`: pictures of what pixels cost, whose sums are the work counters.
 //! - `hits`: hits on curved geodesics, and balls and tubes as triangles, in geometries made for the purpose.
 //! - `integrate`: the order of each integrator, its passages through faces, its ends, its pictures.
 //! - `laws`: what every geometry must satisfy.
@@ -44,6 +45,7 @@ mod deck;
 mod geodesic;
 mod gltf;
 mod gluing;
+mod heatmap;
 mod hits;
 mod integrate;
 mod laws;

@@ -6,7 +6,7 @@ pub mod walker;
 use super::{
     RenderError,
     device::{Device, DeviceBackend, Tracer, pack},
-    plan::Feature,
+    plan::{Feature, Heat},
     world::World,
 };
 use crate::{
@@ -29,7 +29,7 @@ pub type ComputeBackend = DeviceBackend<Compute>;
 pub struct Compute {
     pipeline: ComputePipeline,
     /// What it was compiled for.
-    variant: (GeometryId, Specialization),
+    variant: (GeometryId, Specialization, &'static str),
 }
 
 impl Tracer for Compute {
@@ -60,14 +60,15 @@ impl Tracer for Compute {
             (binding::quadric_surfaces, "quadrics", cast_slice(&quadrics)),
             (binding::quadric_shading, "quadric shading", cast_slice(&quadric_shading)),
         ])?;
-        let variant = (world.geometry, world.plan.specialization());
+        let entry = if world.plan.heat == Some(Heat::Time) { "path_clock.comp" } else { "path.comp" };
+        let variant = (world.geometry, world.plan.specialization(), entry);
         let tracer = match last.filter(|last| last.variant == variant) {
             Some(last) => last,
             None => Self {
                 pipeline: ComputePipeline::new(
                     &device.context,
                     &ComputeShader {
-                        entry: "path.comp",
+                        entry,
                         geometry: world.geometry,
                         constants: &variant.1.words(),
                         push_bytes: size_of::<Dispatch>() as u32,

@@ -9,7 +9,11 @@ pub mod shade;
 pub mod surface;
 pub mod traverse;
 
-use super::{Backend, Missing, RenderError, Shot, Stats, Target, plan::Plan, world::World};
+use super::{
+    Backend, Missing, RenderError, Shot, Stats, Target, clock,
+    plan::{Heat, Plan},
+    world::World,
+};
 use crate::{
     geometry::{Geometry, Visitor, visit},
     shader_io::COUNT_END,
@@ -34,19 +38,27 @@ pub struct CpuBackend {
     world: Option<Arc<World>>,
 }
 
+impl CpuBackend {
+    /// Name on the command line.
+    pub const NAME: &'static str = "cpu";
+}
+
 /// Side of the square tiles that tasks work on.
 const TILE: u32 = 16;
 
 impl Backend for CpuBackend {
     fn name(&self) -> &'static str {
-        "cpu"
+        Self::NAME
     }
 
     fn device(&self) -> String {
         format!("{} threads, f64", rayon::current_num_threads())
     }
 
-    fn check(&self, _plan: &Plan) -> Result<(), Missing> {
+    fn check(&self, plan: &Plan) -> Result<(), Missing> {
+        if plan.heat == Some(Heat::Time) && clock::of_thread().is_none() {
+            return Err(Missing(String::from("a clock of threads, by which pixels are timed")));
+        }
         Ok(())
     }
 

@@ -3,11 +3,13 @@
 use super::{Counts, surface::Surface, traverse::Tracer};
 use crate::{
     geometry::{Geodesic, Geometry},
+    render::{clock, plan::Heat},
     scene::Shading,
     shader_io::{COUNT_BOUNCES, COUNT_HITS, COUNT_LOST, COUNT_RAYS, COUNT_SEGMENTS, NONE, SEGMENTS_PER_BOUNCE},
     space::walk::{Path, Status},
 };
 use glam::DVec3;
+use std::time::Duration;
 
 impl<G: Geometry> Tracer<'_, G> {
     /// The geodesic through a point of the picture, in pixels from its upper left corner.
@@ -54,11 +56,15 @@ impl<G: Geometry> Tracer<'_, G> {
 
     /// The mean of a pixel's samples.
     pub(super) fn pixel(&self, [x, y]: [u32; 2], offsets: &[[f64; 2]], counts: &mut Counts) -> [f32; 4] {
+        let before = self.uses.heat.map(|heat| Cost::so_far(heat, counts));
         let mut sum = DVec3::ZERO;
         for offset in offsets {
             let start = self.geodesic([f64::from(x) + offset[0], f64::from(y) + offset[1]]);
             let (path, surface) = self.path(start, counts, |_, _| ());
             sum += self.result(&path, surface.as_ref(), counts);
+        }
+        if let (Some(heat), Some(before)) = (self.uses.heat, before) {
+            sum = DVec3::splat(Cost::so_far(heat, counts).since(before));
         }
         let mean = (sum / offsets.len() as f64).as_vec3();
         [mean.x, mean.y, mean.z, 1.0]
@@ -80,5 +86,31 @@ impl<G: Geometry> Tracer<'_, G> {
             (Shading::Object, surface) => surface.map_or(-1.0, |s| s.object.into()),
         };
         DVec3::splat(raw)
+    }
+}
+
+/// What pixels have cost so far.
+#[derive(Clone, Copy)]
+enum Cost {
+    Count(u64),
+    Time(Duration),
+}
+
+impl Cost {
+    fn so_far(heat: Heat, counts: &Counts) -> Self {
+        match heat.counter() {
+            Some(counter) => Self::Count(counts[counter as usize]),
+            // Backend::check has made sure of the clock.
+            None => Self::Time(clock::of_thread().unwrap_or_default()),
+        }
+    }
+
+    /// In units of the counter, or nanoseconds.
+    fn since(self, before: Self) -> f64 {
+        match (self, before) {
+            (Self::Count(now), Self::Count(before)) => (now - before) as f64,
+            (Self::Time(now), Self::Time(before)) => now.saturating_sub(before).as_nanos() as f64,
+            _ => 0.0,
+        }
     }
 }

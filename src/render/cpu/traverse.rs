@@ -10,7 +10,7 @@ use crate::{
     render::{
         Shot,
         bvh::{Tree, child_of},
-        plan::Feature,
+        plan::{Feature, Heat},
         world::{World, WorldQuadric, hierarchy::Hierarchy, meshes::Meshes},
     },
     scene::Shading,
@@ -51,6 +51,7 @@ pub(super) struct Uses {
     pub counters: bool,
     pub shading: Shading,
     pub method: Method,
+    pub heat: Option<Heat>,
 }
 
 impl<'a, G: Geometry> Tracer<'a, G> {
@@ -71,6 +72,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
             counters: plan.uses(Feature::Counters),
             shading: plan.shading,
             method: plan.method,
+            heat: plan.heat,
         };
         Self {
             geometry,

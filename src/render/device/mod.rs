@@ -20,7 +20,7 @@ pub mod tiles;
 
 use super::{
     Backend, Missing, RenderError, Shot, Stats, StructureStats, Target,
-    plan::{Feature, Plan},
+    plan::{Feature, Heat, Plan},
     world::World,
 };
 use crate::{
@@ -230,8 +230,15 @@ impl<T: Tracer> Backend for DeviceBackend<T> {
         self.context().info().to_string()
     }
 
-    fn check(&self, _plan: &Plan) -> Result<(), Missing> {
-        let lacking = self.context().info().lacks(T::TIER);
+    fn check(&self, plan: &Plan) -> Result<(), Missing> {
+        let info = self.context().info();
+        let mut lacking = info.lacks(T::TIER);
+        if plan.heat == Some(Heat::Time) && !info.has_clock() {
+            lacking.push(String::from("VK_KHR_shader_clock, by which pixels are timed"));
+        }
+        if let Some(heat) = plan.heat.filter(|h| h.counter().is_some_and(|what| T::UNCOUNTED.contains(&what))) {
+            lacking.push(format!("a count of {} in its own traversal", heat.name()));
+        }
         if lacking.is_empty() { Ok(()) } else { Err(Missing(lacking.join(", "))) }
     }
 

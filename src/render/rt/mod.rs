@@ -24,7 +24,7 @@ pub mod scene;
 use super::{
     RenderError, StructureStats,
     device::{Device, DeviceBackend, Tracer},
-    plan::Feature,
+    plan::{Feature, Heat},
     world::World,
 };
 use crate::{
@@ -70,6 +70,7 @@ struct Variant {
     geometry: GeometryId,
     constants: Specialization,
     recursion_depth: u32,
+    raygen: &'static str,
 }
 
 /// Hit groups of a plan, in the order of their indices.
@@ -116,7 +117,7 @@ impl Rt {
             context,
             &TraceShaders {
                 geometry: variant.geometry,
-                raygen: if context.info().rt().reorder { "raygen_reorder.rgen" } else { "raygen.rgen" },
+                raygen: variant.raygen,
                 misses: &misses[..if world.plan.uses(Feature::Shadows) { 2 } else { 1 }],
                 groups: &groups,
                 constants: &variant.constants.words(),
@@ -145,6 +146,11 @@ impl Tracer for Rt {
             geometry: world.geometry,
             constants: world.plan.specialization(),
             recursion_depth: if options.recursive { world.settings.bounces.saturating_add(1).max(2) } else { 1 },
+            raygen: match world.plan.heat {
+                Some(Heat::Time) => "raygen_clock.rgen",
+                _ if device.context.info().rt().reorder => "raygen_reorder.rgen",
+                _ => "raygen.rgen",
+            },
         };
         // The pipeline first: it may be refused, and its cost does not depend on the scene.
         let pipeline = match last.filter(|last| last.variant == variant) {

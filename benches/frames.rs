@@ -1,8 +1,5 @@
-//! How cost grows: with bounces (time per traced segment) and with triangles (time per frame).
-//!
-//! `bounces` draws the flat torus of the README's gallery with 1 to 16 bounces, `triangles` the same space with the
-//! knot at about 1,000 and at about 100,000 triangles. Criterion's throughput is segments per second, counted by
-//! the backend itself, so its reciprocal is time per segment.
+//! Whole frames on every backend of this machine. Criterion's throughput is segments per second, counted by the backend
+//! itself. How frames grow with bounces, sizes and eyes is measured by `holonomy profile`, with processor times.
 
 mod common;
 
@@ -20,7 +17,7 @@ const SIZE: [u32; 2] = [192, 192];
 /// Draws the scene once with counters for its number of segments, then measures it without.
 fn measure(criterion: &mut Criterion, group: &str, name: &str, scene: &Scene) {
     let mut group = criterion.benchmark_group(group);
-    group.sample_size(10).warm_up_time(Duration::from_secs(1)).measurement_time(Duration::from_secs(4));
+    group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(3));
     let shot = Shot::symmetric(scene.observer.frame, scene.observer.fov, SIZE);
     let mut target = Target::new(SIZE);
     for mut backend in backends() {
@@ -41,14 +38,17 @@ fn measure(criterion: &mut Criterion, group: &str, name: &str, scene: &Scene) {
     group.finish();
 }
 
-fn bounces(criterion: &mut Criterion) {
-    let mut scene = file::load("torus").expect("a shipped scene");
-    for bounces in [1, 2, 4, 8, 16] {
-        scene.settings.bounces = bounces;
-        measure(criterion, "bounces", &bounces.to_string(), &scene);
+/// A frame at 8 bounces in a flat, a spherical, a hyperbolic and a curved space: what a change of the renderer costs or
+/// brings as a whole.
+fn frames(criterion: &mut Criterion) {
+    for name in ["torus", "poincare", "seifert-weber", "nil-heisenberg"] {
+        let mut scene = file::load(name).expect("a shipped scene");
+        scene.settings.bounces = 8;
+        measure(criterion, "frames", name, &scene);
     }
 }
 
+/// The flat torus with the knot at about 1,000 and at about 100,000 triangles: how cost grows with triangles.
 fn triangles(criterion: &mut Criterion) {
     let text = String::from_utf8_lossy(shipped::find("knot").expect("a shipped scene")).into_owned();
     for (name, mesh) in [("1008", "knot-small.glb"), ("100352", "knot.glb")] {
@@ -57,5 +57,5 @@ fn triangles(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, bounces, triangles);
+criterion_group!(benches, frames, triangles);
 criterion_main!(benches);
