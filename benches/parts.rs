@@ -143,8 +143,8 @@ fn traversal(criterion: &mut Criterion) {
             group.throughput(Throughput::Elements(segments.len() as u64));
             group.bench_function(BenchmarkId::from_parameter(self.1), |b| {
                 b.iter(|| {
-                    let hit = |(path, segment): &(Path, Segment)| {
-                        tracer.trace_segment(&mut path.clone(), black_box(*segment), &mut counts, |_| ()).is_some()
+                    let mut hit = |(path, segment): &(Path, Segment)| {
+                        tracer.trace_segment(&mut { *path }, black_box(*segment), &mut counts, |_| ()).is_some()
                     };
                     segments.iter().filter(|segment| hit(segment)).count()
                 });
