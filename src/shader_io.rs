@@ -409,8 +409,8 @@ numbers! {
     /// Boxes for a device's traversal are larger than what is in them by this, in units of their coordinates and of the
     /// chart: the rounding of f32.
     BOX_SLACK: float = 4e-6;
-    /// f32 counterpart of the cpu backend's slack at the edges of triangles that arcs meet, in chart units.
-    ON_EDGE: float = 2.5e-7;
+    /// f32 counterpart of the cpu backend's slack at the edges of triangles that arcs meet, in units of the coordinates.
+    ON_EDGE: float = 5e-7;
     /// Times that a segment whose chord is too far from its arc is made shorter.
     SAGITTA_STEPS: uint = 4;
     /// A curve that leaves a cell and comes back within one arc, no farther outside than this many times what the arc may

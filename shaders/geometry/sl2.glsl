@@ -206,9 +206,13 @@ float geo_exit(Geodesic g, vec4 plane, float reach) {
         vec2 n = plane.xy + p.xy * (plane.w + along / (1.0 + p.w));
         float start = along + plane.w * p.w;
         float bend = 2.0 * c * sl2_cross(n, v) + start * (dot(v, v) + c * c);
-        if (abs(start) <= IO_ON_FACE) start = 0.0;
         float rate = dot(n, v);
-        if (abs(rate) <= SL2_ALONG_WALL) rate = 0.0;
+        bool on_wall = abs(start) <= IO_ON_FACE;
+        bool along_wall = abs(rate) <= SL2_ALONG_WALL;
+        // A state that keeps to its wall, as along an upright edge, does not leave through it.
+        if (on_wall && along_wall && bend <= SL2_ALONG_WALL) return M_INFINITY;
+        if (on_wall) start = 0.0;
+        if (along_wall) rate = 0.0;
         return m_first_passage(sl2_square(g.velocity.xyz), start, rate, bend, IO_ALONG_FACE);
     }
     float threshold = 0.0;
@@ -219,9 +223,10 @@ float geo_exit(Geodesic g, vec4 plane, float reach) {
         Geodesic at = geo_flow(g, s);
         float value = dot(plane.xyz, geo_chart(at.point)) + plane.w;
         float rate = dot(plane.xyz, sl2_chart_differential(at.point) * at.velocity.xyz);
-        if (i == 0 && value >= -IO_ON_FACE) {
+        float side = value * p.w;
+        if (i == 0 && side >= -IO_ON_FACE) {
             if (rate > IO_ALONG_FACE) return 0.0;
-            threshold = IO_ON_FACE + max(value, 0.0);
+            threshold = IO_ON_FACE + max(side, 0.0);
         }
         value -= threshold;
         // A stride has gone too far by a stride at most, along a plane that is as close as its rounding.

@@ -31,7 +31,7 @@ vec3 triangle_solve(Segment segment, Triangle triangle) {
 
 // Whether a point is on the inner side of an edge, from its distance times the lengths of edge and normal.
 bool triangle_within(float weight, vec3 edge, float area, float slack) {
-    return weight >= 0.0 || weight * weight <= slack * slack * area * dot(edge, edge);
+    return weight >= 0.0 || weight >= -slack * sqrt(area * dot(edge, edge));
 }
 
 // (s, weight of b, weight of c) of the first point where an arc meets the triangle, or NO_HIT: its height over the plane is
@@ -56,8 +56,8 @@ vec3 triangle_hit_arc(Segment segment, Triangle triangle) {
         precise vec3 at = segment_at(segment, s) - triangle.a;
         float wb = dot(normal, cross(at, c));
         float wc = dot(normal, cross(b, at));
-        vec3 size = abs(at) + abs(triangle.a);
-        float slack = IO_ON_EDGE * (1.0 + max(size.x, max(size.y, size.z)));
+        vec3 size = abs(at) + abs(triangle.a) + abs(segment.origin);
+        float slack = IO_ON_EDGE * max(size.x, max(size.y, size.z));
         if (triangle_within(wb, c, area, slack) && triangle_within(wc, b, area, slack)
             && triangle_within(area - wb - wc, c - b, area, slack)) return vec3(s, wb / area, wc / area);
     }

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     geometry::{Geodesic, Geometry, GeometryError, GeometryId, Visitor, settle_geodesic, visit},
-    integrate::{Method, Stop, follow},
+    integrate::{Method, Stop, follow, resolves},
     render::{compute::probe::Probe, plan::integrator_number},
     shader_io::{PROBE_FLOW, PROBE_FOLLOW, ProbeIn},
     vulkan::{Context, ContextOptions},
@@ -190,6 +190,16 @@ impl Visitor for Unit {
     }
 }
 
+/// Whether the device's chart tells points apart there.
+struct Resolved(DVec4, Method);
+
+impl Visitor for Resolved {
+    type Output = bool;
+    fn visit<G: Geometry>(self, geometry: G) -> bool {
+        resolves(geometry, self.0, f64::from(f32::EPSILON), self.1)
+    }
+}
+
 /// What a geodesic runs into that leaves the chart, as a refusal.
 fn edge(job: Job) -> Option<String> {
     struct Edge(Job);
@@ -250,6 +260,10 @@ fn flow_on_device(
             let mut end = Geodesic { point: double(output.a), velocity: double(output.b) };
             if method != Method::Exact && end.point.is_finite() {
                 end = visit(job.geometry, Unit(end));
+                if !visit(job.geometry, Resolved(end.point, method)) {
+                    ends[index] = Err(Stop::Chart(job.length).to_string());
+                    continue;
+                }
             }
             let representable = input.t.is_finite() && input.a.iter().chain(&input.b).all(|x| x.is_finite());
             let end = if representable { end } else { Geodesic { point: DVec4::INFINITY, ..end } };

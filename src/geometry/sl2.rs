@@ -346,17 +346,23 @@ impl Geometry for Sl2 {
             let start = along + plane.w * p.w;
             let bend = 2.0 * c * n.perp_dot(v) + start * (v.length_squared() + c * c);
             let square = (v.length() - c.abs()) * (v.length() + c.abs());
-            // Rates below the rounding of n, which is long far out, are those of directions along the wall.
-            let rate = n.dot(v);
-            let rate = if rate.abs() <= ALONG_WALL { 0.0 } else { rate };
-            return first_passage(square, if start.abs() <= ON_FACE { 0.0 } else { start }, rate, bend);
+            // Rates below the rounding of n, which is long far out, are those of directions along the wall. A state that keeps to
+            // its wall, as along an upright edge, does not leave through it.
+            let (on_wall, rate) = (start.abs() <= ON_FACE, n.dot(v));
+            let along_wall = rate.abs() <= ALONG_WALL;
+            if on_wall && along_wall && bend <= ALONG_WALL {
+                return f64::INFINITY;
+            }
+            let (start, rate) = (if on_wall { 0.0 } else { start }, if along_wall { 0.0 } else { rate });
+            return first_passage(square, start, rate, bend);
         }
         let form = |g: Geodesic| {
             let rate = self.chart_vector(g.point, g.velocity);
             [plane.xyz().dot(self.chart(g.point)) + plane.w, plane.xyz().dot(rate)]
         };
-        let [value, rate] = form(g);
-        let Some(threshold) = before_passage(value, rate) else { return 0.0 };
+        // Whether the state is on its plane is judged as the walk judges whether it is outside.
+        let [_, rate] = form(g);
+        let Some(threshold) = before_passage(self.side(p, plane), rate) else { return 0.0 };
         // The chart's acceleration is at most 2 in the disk (its part along the disk is r√(c² + 4r²) at most) and 1/√2 along the fibre.
         let bend = 2.0 * plane.xy().length() + 0.75 * plane.z.abs();
         let ahead = |s: f64| {

@@ -26,6 +26,7 @@ pub use exact::Exact;
 pub use rk4::Rk4;
 
 use crate::geometry::{Geodesic, Geometry, Real, Real3};
+use glam::{DVec3, DVec4};
 
 /// A point of a geodesic in the chart.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -204,12 +205,13 @@ pub const MAX_STEPS: u64 = 10_000_000;
 /// # Errors
 /// [`Stop`]. An exact geodesic that leaves the chart is at infinity instead.
 pub fn follow<T: Real, G: Geometry>(geometry: G, method: Method, g: Geodesic, t: f64) -> Result<Arrival, Stop> {
-    match method {
-        Method::Exact => Ok(Exact.follow(geometry, g, t)),
+    let arrival = match method {
+        Method::Exact => return Ok(Exact.follow(geometry, g, t)),
         Method::Euler { step } => march::<T, _, _>(geometry, Euler { step }, g, t),
         Method::Rk4 { step } => march::<T, _, _>(geometry, Rk4 { step }, g, t),
         Method::Dopri5 { tolerance } => march::<T, _, _>(geometry, Dopri5 { tolerance }, g, t),
-    }
+    }?;
+    if resolves(geometry, arrival.end.point, T::EPSILON, method) { Ok(arrival) } else { Err(Stop::Chart(t)) }
 }
 
 /// Follows a geodesic by steps.
@@ -237,4 +239,15 @@ fn march<T: Real, G: Geometry, S: Stepper>(geometry: G, stepper: S, g: Geodesic,
     }
     let end = state.geodesic(geometry).ok_or(Stop::Chart(t))?;
     Ok(Arrival { end, steps })
+}
+
+/// As many roundings are never a whole unit of length where an integrated geodesic ends.
+const ROUNDINGS: f64 = 100.0;
+
+/// Whether the chart tells points apart at `point`, in a precision with the relative rounding `epsilon` and to the method's
+/// own tolerance: next to the edge of a bounded chart its last digits are whole lengths, and steps there lead nowhere.
+pub fn resolves<G: Geometry>(geometry: G, point: DVec4, epsilon: f64, method: Method) -> bool {
+    let tolerance = if let Method::Dopri5 { tolerance } = method { tolerance } else { 0.0 };
+    let grain = geometry.chart(point).abs() * (ROUNDINGS * epsilon) + tolerance;
+    DVec3::AXES.iter().all(|axis| geometry.norm(point, geometry.unchart_vector(point, *axis * grain)) <= 1.0)
 }

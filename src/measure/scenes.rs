@@ -81,6 +81,8 @@ pub struct Sample {
     pub setting: Setting,
     /// Milliseconds of a frame.
     pub milliseconds: f64,
+    /// Segments of a primary ray.
+    pub segments: f64,
     /// Share of the pixels that are off.
     pub off: f64,
 }
@@ -153,7 +155,7 @@ impl<'a> Study<'a> {
             backward_most.into(),
             rays.map(|rays| rays.unresolved()).into(),
         ]);
-        Ok(Sample { setting, milliseconds: color.milliseconds, off: error.off })
+        Ok(Sample { setting, milliseconds: color.milliseconds, segments: distance.segments, off: error.off })
     }
 
     /// Errors of rays, which only the cpu lets one look at.
@@ -283,7 +285,8 @@ fn draw_planned(
 pub fn factor_table() -> Table {
     let about = "the default against Euler's method, the book's, at equal error of the picture (share of pixels off by \
                  more than 2/255), in this run: time of Euler at the step that reaches the error (between measured steps in \
-                 proportion of logarithms), of exact flows at the tolerance that does, and of the default setting";
+                 proportion of logarithms), of exact flows at the tolerance that does, and of the default setting; segments of a \
+                 primary ray likewise";
     let columns = [
         "scene",
         "backend",
@@ -293,6 +296,9 @@ pub fn factor_table() -> Table {
         "exact tolerance",
         "exact ms",
         "factor",
+        "euler segments per pixel",
+        "exact segments per pixel",
+        "segments factor",
         "default ms",
         "default error",
         "default factor",
@@ -301,25 +307,33 @@ pub fn factor_table() -> Table {
     Table::new("factor", about, &columns)
 }
 
-/// Parameter and time at which a ladder of settings of one method reaches an error: where the error, made to fall with
-/// the parameter, crosses it. The first element says whether it is reached.
-fn reach(samples: &[&Sample], error: f64) -> Option<(bool, f64, f64)> {
+/// Where a ladder of settings reaches an error.
+struct Reached {
+    /// Whether it does; if not, the rest is that of its finest setting.
+    yes: bool,
+    parameter: f64,
+    milliseconds: f64,
+    segments: f64,
+}
+
+/// Where a ladder of settings of one method reaches an error: where the error, made to fall with the parameter, crosses it.
+fn reach(samples: &[&Sample], error: f64) -> Option<Reached> {
     let mut sorted = samples.to_vec();
     sorted.sort_by(|a, b| b.setting.parameter().total_cmp(&a.setting.parameter()));
-    let values = |s: &Sample| (s.setting.parameter(), s.milliseconds);
-    // The first setting from which on all finer ones keep the error.
+    // The first setting from which on all finer ones keep the error, and the last that does not.
     let first = sorted.iter().rposition(|s| s.off > error).map_or(0, |last| last + 1);
-    let Some(fine) = sorted.get(first) else {
-        return sorted.last().map(|last| (false, values(last).0, values(last).1));
-    };
-    let Some(coarse) = first.checked_sub(1).and_then(|i| sorted.get(i)) else {
-        return Some((true, values(fine).0, values(fine).1));
-    };
+    let yes = first < sorted.len();
+    let fine = sorted.get(first).or(sorted.last())?;
+    let coarse = first.checked_sub(1).and_then(|i| sorted.get(i)).unwrap_or(fine);
     let [low, high] = [fine.off.max(1e-6), coarse.off.max(1e-6)].map(f64::ln);
     let share = if high > low { ((error.ln() - low) / (high - low)).clamp(0.0, 1.0) } else { 0.0 };
-    let between = |a: f64, b: f64| (a.ln() + share * (b.ln() - a.ln())).exp();
-    let ((p, t), (q, s)) = (values(fine), values(coarse));
-    Some((true, between(p, q), between(t, s)))
+    let between = |of: fn(&Sample) -> f64| (of(fine).ln() + share * (of(coarse).ln() - of(fine).ln())).exp();
+    Some(Reached {
+        yes,
+        parameter: between(|s| s.setting.parameter()),
+        milliseconds: between(|s| s.milliseconds),
+        segments: between(|s| s.segments),
+    })
 }
 
 /// Appends the factors of a scene: exact flows, and the default setting, against Euler at errors of 1 % and 0.1 %.
@@ -329,21 +343,24 @@ pub fn factors(scene: &Scene, backend: &str, samples: &[Sample], table: &mut Tab
     let default = exact.iter().find(|s| s.setting.tolerance == scene.settings.tolerance);
     for error in [1e-2, 1e-3] {
         let (Some(slow), Some(quick)) = (reach(&euler, error), reach(&exact, error)) else { continue };
-        let note = match (slow.0, quick.0) {
+        let note = match (slow.yes, quick.yes) {
             (true, true) => "",
             (false, true) => "Euler's finest step does not reach the error: at least",
             _ => "exact flows do not reach the error at the tolerances tried",
         };
-        let own = default.filter(|d| d.off <= error).map(|d| slow.2 / d.milliseconds);
+        let own = default.filter(|d| d.off <= error).map(|d| slow.milliseconds / d.milliseconds);
         table.push(vec![
             scene.name.as_str().into(),
             backend.into(),
             error.into(),
-            slow.1.into(),
-            slow.2.into(),
-            quick.1.into(),
-            quick.2.into(),
-            (slow.2 / quick.2).into(),
+            slow.parameter.into(),
+            slow.milliseconds.into(),
+            quick.parameter.into(),
+            quick.milliseconds.into(),
+            (slow.milliseconds / quick.milliseconds).into(),
+            slow.segments.into(),
+            quick.segments.into(),
+            (slow.segments / quick.segments).into(),
             default.map(|d| d.milliseconds).into(),
             default.map(|d| d.off).into(),
             own.into(),

@@ -1,7 +1,7 @@
 //! Integrators: the measured order of each in each geometry and precision, passages through faces, ends of charts,
 //! pictures on the device. Single steps against the shaders' are in `twins`.
 
-use crate::support::{self, Random};
+use crate::support::{self, Random, rt_gpu};
 use glam::DVec4;
 use holonomy::{
     geometry::{
@@ -10,7 +10,7 @@ use holonomy::{
     integrate::{Dense, Dopri5, Euler, Field, Method, Rk4, State, Stepper, Stop, follow},
     render::{
         Backend, Shot, Target, compute::ComputeBackend, compute::probe::Probe, cpu::CpuBackend, plan::Plan,
-        world::World,
+        rt::RtBackend, world::World,
     },
     scene::file,
     shader_io::{self as io, ProbeIn},
@@ -285,6 +285,16 @@ fn integrate_charts_end_cleanly() {
     }
 }
 
+/// Next to the edge of a chart, where its rounding is as long as the way itself, an integrated end is refused and not wrong.
+#[test]
+fn integrate_ends_that_the_chart_does_not_resolve_are_refused() {
+    let id = GeometryId::from_name("h3").expect("registered");
+    let methods = [Method::Rk4 { step: 0.01 }, Method::Dopri5 { tolerance: 1e-9 }];
+    let ends = |length| visit(id, Follow("h3", [0.0, 0.0, 0.0, 1.0], [0.6, 0.0, 0.8, 0.0], length, &methods));
+    assert!(ends(5.0).iter().all(Result::is_ok), "{:?}", ends(5.0));
+    assert!(ends(25.0).iter().all(|end| matches!(end, Err(Stop::Chart(_)))), "{:?}", ends(25.0));
+}
+
 /// Distances between ends through faces and the exact ones, and whether the faces are the same; `spoil` is added to the
 /// length of the integrated geodesic.
 struct Through<'a> {
@@ -441,31 +451,50 @@ fn different(a: &Target, b: &Target) -> f64 {
     a.pixels.iter().zip(&b.pixels).filter(|pair| far(*pair)).count() as f64 / a.pixels.len() as f64
 }
 
+/// Methods, and the share of the pixels that may differ from exact flows.
+const PICTURES: [(Method, f64); 3] = [
+    (Method::Euler { step: 0.02 }, 0.3),
+    (Method::Rk4 { step: 0.02 }, 0.03),
+    (Method::Dopri5 { tolerance: 1e-6 }, 0.02),
+];
+
+/// A device's picture is the cpu's.
+fn assert_agrees(device: &mut dyn Backend, name: &str, method: Method, cpu: &Target) {
+    let drawn = draw(device, name, method);
+    let (off, on) = (different(cpu, &drawn), device.name());
+    println!("{name} {}: {:.2} % differ between cpu and {on}", method.name(), 100.0 * off);
+    assert!(off <= 0.01, "{name} {}: cpu and {on} differ in {off}", method.name());
+    let mut spoilt = drawn.clone();
+    spoilt.pixels.iter_mut().step_by(50).for_each(|p| p[1] += 0.1);
+    assert!(different(cpu, &spoilt) > 0.01, "a spoilt picture passes");
+}
+
 #[test]
-fn integrate_pictures_converge_and_agree_on_the_device() {
+fn integrate_pictures_converge_and_agree_on_compute() {
     let gpu = support::gpu();
     for name in ["nil-heisenberg", "s2xs1", "seifert-weber", "poincare"] {
         let mut cpu = CpuBackend::default();
         let exact = draw(&mut cpu, name, Method::Exact);
-        for (method, limit) in [
-            (Method::Euler { step: 0.02 }, 0.3),
-            (Method::Rk4 { step: 0.02 }, 0.03),
-            (Method::Dopri5 { tolerance: 1e-6 }, 0.02),
-        ] {
+        for (method, limit) in PICTURES {
             let drawn = draw(&mut cpu, name, method);
             let off = different(&exact, &drawn);
             println!("{name} {}: {:.2} % of the pixels differ from exact", method.name(), 100.0 * off);
             assert!(off <= limit, "{name} {}: {off}", method.name());
             if let Some(gpu) = &gpu {
                 let mut compute = ComputeBackend::new(gpu).expect("a backend");
-                let device = draw(&mut compute, name, method);
-                let off = different(&drawn, &device);
-                println!("{name} {}: {:.2} % differ between cpu and compute", method.name(), 100.0 * off);
-                assert!(off <= 0.01, "{name} {}: cpu and compute differ in {off}", method.name());
-                let mut spoilt = device.clone();
-                spoilt.pixels.iter_mut().step_by(50).for_each(|p| p[1] += 0.1);
-                assert!(different(&drawn, &spoilt) > 0.01, "a spoilt picture passes");
+                assert_agrees(&mut compute, name, method, &drawn);
             }
+        }
+    }
+}
+
+#[test]
+fn integrate_pictures_agree_on_rt() {
+    let Some(gpu) = rt_gpu() else { return };
+    for name in ["nil-heisenberg", "poincare"] {
+        for (method, _) in PICTURES {
+            let drawn = draw(&mut CpuBackend::default(), name, method);
+            assert_agrees(&mut RtBackend::new(&gpu).expect("a backend"), name, method, &drawn);
         }
     }
 }

@@ -6,6 +6,7 @@ use super::{Bench, Case, Family, On, PICTURES, Reading, Trouble, picture};
 use crate::{
     geometry::{Geodesic, Geometry, Visitor, visit},
     measure::stability::picture::Middle,
+    scene::{Place, Scene, Shape},
     space::{Space, domain::Domain, observer::Frame, reduce::transport},
 };
 use glam::{DVec3, DVec4};
@@ -46,6 +47,33 @@ impl Visitor for Meets {
     }
 }
 
+/// The ball of the scene with a small one beside the way from its surface to the eye, which such lights shine on.
+fn scene(space: &Space, light: DVec4) -> Result<Scene, Trouble> {
+    struct Beside<'a>(&'a Space);
+    impl Visitor for Beside<'_> {
+        type Output = Option<(Frame, f64)>;
+        fn visit<G: Geometry>(self, geometry: G) -> Self::Output {
+            let middle = Middle(self.0).visit(geometry)?;
+            // Above the horizon of the light, and so far aside that the eye sees what it lights.
+            let step = TOWARDS * 0.5 + DVec3::new(-0.8, 0.6, 0.0) * 0.35;
+            Some((middle.frame.moved(geometry, step * middle.inradius), 0.1 * middle.inradius))
+        }
+    }
+    let mut scene = picture::scene(space, Some(light))?;
+    let beside = visit(space.geometry, Beside(space)).ok_or_else(|| Trouble(String::from("no such place")))?;
+    let mut small = scene.objects[0].clone();
+    small.place = Place::World(beside.0);
+    small.shape = Shape::Ball { radius: beside.1 };
+    scene.objects.push(small);
+    Ok(scene)
+}
+
+/// Field of view of the pictures.
+const FOV: f64 = 100.0;
+
+/// From the middle of the cell to the eye.
+const TOWARDS: DVec3 = DVec3::new(0.36, 0.48, 0.8);
+
 /// The eye, and the light exactly and twice beside.
 struct Places<'a>(&'a Space, Spot);
 
@@ -55,7 +83,7 @@ impl Visitor for Places<'_> {
         let Self(space, spot) = self;
         let middle = Middle(space).visit(geometry)?;
         let radius = 0.4 * middle.inradius;
-        let towards = DVec3::new(0.36, 0.48, 0.8);
+        let towards = TOWARDS;
         let eye = middle.frame.moved(geometry, towards * (0.9 * middle.inradius)).point;
         let eye = picture::looking_at(geometry, eye, middle.frame.point);
         let domain = Domain::new(space);
@@ -80,7 +108,7 @@ fn judge(bench: &mut Bench, on: On, space: &Space, spot: Spot) -> Result<Reading
     let (eye, lights) = places;
     let mut pictures = Vec::new();
     for (number, (cell, light)) in lights.into_iter().enumerate() {
-        let mut scene = picture::scene(space, Some(light))?;
+        let mut scene = scene(space, light)?;
         for lamp in &mut scene.lights {
             lamp.cell = cell;
             if let Spot::Conjugate = spot {
@@ -88,9 +116,16 @@ fn judge(bench: &mut Bench, on: On, space: &Space, spot: Spot) -> Result<Reading
             }
         }
         let key = format!("{} lit {} {number}", space.name, spot as u32);
-        pictures.push(picture::draw(bench, on, &key, &scene, eye, 60.0)?);
+        pictures.push(picture::draw(bench, on, &key, &scene, eye, FOV)?);
     }
+    // The same without the light: where it shows nothing, nothing is shown.
+    let mut dark = scene(space, lights[0].1)?;
+    dark.lights.iter_mut().for_each(|lamp| (lamp.cell, lamp.color) = (lights[0].0, [0.0; 3]));
+    let dark = picture::draw(bench, on, &format!("{} dark", space.name), &dark, eye, FOV)?;
     match pictures.as_slice() {
+        [exact, beside, _] if picture::differ(exact, &dark).max(picture::differ(beside, &dark)) < 3 => {
+            Err(Trouble(String::from("the light lights nothing that is seen")))
+        }
         [exact, beside, further] => Ok(picture::compare([exact, beside, further])),
         _ => Err(Trouble(String::from("no pictures"))),
     }

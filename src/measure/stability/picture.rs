@@ -167,3 +167,9 @@ fn strange(a: &Target, b: &Target) -> f64 {
     let count = (0..width * height).filter(|index| bad(*index)).count();
     count as f64 / f64::from(width * height)
 }
+
+/// Number of pixels that are not the same.
+pub(super) fn differ(a: &Target, b: &Target) -> usize {
+    let other = |(a, b): &(&[f32; 4], &[f32; 4])| (0..3).any(|channel| (a[channel] - b[channel]).abs() > 0.02);
+    a.pixels.iter().zip(&b.pixels).filter(other).count()
+}

@@ -59,9 +59,9 @@ fn triangle_hit_straight(segment: Segment, [a, b, c]: [DVec3; 3]) -> (f64, DVec2
     if (0.0..=1.0).contains(&s) { (s, DVec2::new(wb / sum, wc / sum)) } else { (NO_HIT, DVec2::ZERO) }
 }
 
-/// A point this far outside of a triangle, in units of the chart's coordinates, still lies in it: so that arcs find no gap
+/// A point this far outside of a triangle, in units of the coordinates at hand, still lies in it: so that arcs find no gap
 /// between neighbours. The shaders have their own value.
-const ON_EDGE: f64 = 1e-14;
+const ON_EDGE: f64 = 2e-14;
 
 /// The arc's height over the triangle's plane is a quadratic of s; its roots in order, the first one inside counts.
 fn triangle_hit_arc(segment: Segment, [a, b, c]: [DVec3; 3]) -> (f64, DVec2) {
@@ -84,9 +84,9 @@ fn triangle_hit_arc(segment: Segment, [a, b, c]: [DVec3; 3]) -> (f64, DVec2) {
         let at = segment.at(s) - a;
         let [wb, wc] = [normal.dot(at.cross(edge_c)), normal.dot(edge_b.cross(at))];
         // Each weight is a distance from an edge, times the edge's length and the normal's.
-        let slack = ON_EDGE * (1.0 + at.abs().max_element() + a.abs().max_element());
+        let slack = ON_EDGE * (at.abs() + a.abs() + segment.origin.abs()).max_element();
         let inside =
-            |weight: f64, edge: DVec3| weight >= 0.0 || weight * weight <= slack * slack * area * edge.length_squared();
+            |weight: f64, edge: DVec3| weight >= 0.0 || weight >= -slack * (area * edge.length_squared()).sqrt();
         if inside(wb, edge_c) && inside(wc, edge_b) && inside(area - wb - wc, edge_c - edge_b) {
             return (s, DVec2::new(wb, wc) / area);
         }

@@ -3,7 +3,7 @@
 use super::{
     Mover, Pose, World, WorldCell, WorldError, WorldLight, WorldQuadric,
     meshes::{Meshes, RestMesh},
-    place::{Balls, Copy, Corners, Sphere, copies},
+    place::{Balls, Copy, Corners, Everywhere, Sphere, copies, keeps_to_chart},
     shapes::grid_lines,
 };
 use crate::{
@@ -337,7 +337,10 @@ impl<'a, G: Geometry> Builder<'a, G> {
         if self.plan.uses(Feature::Lights) {
             for (number, light) in self.scene.lights.iter().enumerate() {
                 let name = format!("light {number}");
-                let copies = if self.geometry.ball(light.point, light.range).is_some() {
+                let is_quadric = self.geometry.ball(light.point, light.range).is_some();
+                let copies = if is_quadric && !keeps_to_chart(self.geometry, light.range) {
+                    copies(self.geometry, &self.domain, light.cell, &Everywhere, &name)?
+                } else if is_quadric {
                     let extent = Balls { centres: &[light.point], radius: light.range };
                     copies(self.geometry, &self.domain, light.cell, &extent, &name)?
                 } else {

@@ -2,7 +2,7 @@
 
 use super::{WorldError, meshes::RestMesh};
 use crate::{
-    geometry::{Geometry, Isometry, exponential},
+    geometry::{Geodesic, Geometry, Isometry, exponential},
     space::{deck::Elements, domain::Domain},
 };
 use glam::DVec4;
@@ -26,6 +26,28 @@ pub trait Extent<G> {
     fn reaches_into(&self, geometry: G, domain: &Domain, copy: &Copy) -> bool;
     /// Whether a part of the copy lies beyond this face.
     fn reaches_beyond(&self, geometry: G, domain: &Domain, copy: &Copy, face: usize) -> bool;
+}
+
+/// What reaches everywhere.
+pub struct Everywhere;
+
+impl<G: Geometry> Extent<G> for Everywhere {
+    fn reaches_into(&self, _geometry: G, _domain: &Domain, _copy: &Copy) -> bool {
+        true
+    }
+
+    fn reaches_beyond(&self, _geometry: G, _domain: &Domain, _copy: &Copy, _face: usize) -> bool {
+        true
+    }
+}
+
+/// Whether a ball of this radius keeps to the chart about its centre. On the sphere a larger one than a hemisphere does
+/// not, and its quadric is that of a smaller one about the antipode.
+pub fn keeps_to_chart<G: Geometry>(geometry: G, radius: f64) -> bool {
+    let base = geometry.base();
+    let point = geometry.flow(Geodesic { point: base, velocity: geometry.frame(base)[0] }, radius).point;
+    let reached = geometry.distance(base, point) >= (1.0 - 1e-6) * radius;
+    reached && geometry.unchart(geometry.chart(point)).is_none_or(|back| back.dot(point) >= 0.0)
 }
 
 /// All copies of an object whose coordinates are those of `cell` (where its anchor lies).

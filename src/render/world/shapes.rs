@@ -4,7 +4,7 @@ use super::{
     WorldError, WorldQuadric,
     build::Builder,
     meshes::{RestMesh, RestTriangle},
-    place::{Balls, Copy, copies},
+    place::{Balls, Copy, copies, keeps_to_chart},
     tessellate::{self, Surface},
 };
 use crate::{
@@ -29,10 +29,7 @@ impl<G: Geometry> Builder<'_, G> {
         if geometry.ball(centre, radius).is_none() {
             return self.add_surface(index, object, cell, tessellate::ball(geometry, centre, radius), radius);
         }
-        // Beyond the length at which geodesics from the centre meet again, or leave the numbers, there is no such ball.
-        let across = Geodesic { point: centre, velocity: geometry.frame(centre)[0] };
-        let off = (geometry.distance(centre, geometry.flow(across, radius).point) - radius).abs();
-        if off.is_nan() || off > 1e-6 * radius {
+        if !keeps_to_chart(geometry, radius) {
             return Err(WorldError::TooWide(object.name.clone(), radius));
         }
         let extent = Balls { centres: &[centre], radius };
