@@ -376,21 +376,6 @@ fn agree_benches_of_triangles() {
     agrees("bench-nil");
 }
 
-#[test]
-fn agree_benches_in_flat_space() {
-    agrees("bench-torus");
-    agrees("bench-tubes");
-    agrees("bench-tori");
-    agrees("bench-tori-fine");
-}
-
-#[test]
-fn agree_benches_in_curved_space() {
-    agrees("bench-cell");
-    agrees("bench-edges");
-    agrees("bench-nil");
-}
-
 /// Every shipped scene is compared by one of the tests above.
 #[test]
 fn agree_covers_all_shipped_scenes() {

@@ -74,8 +74,9 @@ fn missing_scenes_are_refused() {
     assert_eq!(message("no/such.toml"), "no/such.toml: no such file");
     assert_eq!(message("poincar"), "poincar: no such file, and no scene of this name: did you mean \"poincare\"?");
     assert!(
-        message("zzzzzz")
-            .starts_with("zzzzzz: no such file, and no scene of this name: scenes: bench-cell, bench-edges, bench-nil, ")
+        message("zzzzzz").starts_with(
+            "zzzzzz: no such file, and no scene of this name: scenes: bench-cell, bench-edges, bench-nil, "
+        )
     );
 }
 
