@@ -151,17 +151,22 @@ Reach walk_reach(Path path, float limit) {
     return reach;
 }
 
-// What the faces say of a state: where the geodesic leaves, and how far the state is outside of the cell.
+// What the faces say of a state: where the geodesic leaves, and which face it violates most.
 struct Faces {
     float u;
     uint exit;
     float worst;
+    uint violated;
 };
 
 // Exits beyond faces.u do not matter, and most faces are far from an arc.
 void walk_test_face(Geodesic g, uint face, Segment segment, float margin, inout Faces faces) {
     vec4 plane = io_faces[face].plane;
-    faces.worst = max(faces.worst, geo_side(g.point, plane));
+    float side = geo_side(g.point, plane);
+    if (side > faces.worst) {
+        faces.worst = side;
+        faces.violated = face;
+    }
     if (!GEO_STRAIGHT && segment_highest(segment, plane) < -margin) return;
     float u = geo_exit(g, plane, faces.u);
     if (u < faces.u) {
@@ -173,7 +178,7 @@ void walk_test_face(Geodesic g, uint face, Segment segment, float margin, inout 
 Faces walk_test_faces(Path path, Reach reach) {
     Geodesic g = walk_state(path);
     float margin = IO_FACE_MARGIN * walk_tolerance(path) + IO_ON_FACE;
-    Faces faces = Faces(reach.u, reach.end, IO_ON_FACE);
+    Faces faces = Faces(reach.u, reach.end, IO_ON_FACE, IO_END_LIMIT);
     if (IO_FACES > 0u) {
         // One cell: a loop of known length with reads at known places.
         [[unroll]] for (uint face = 0u; face < IO_FACES; face++) walk_test_face(g, face, reach.segment, margin, faces);
@@ -183,21 +188,6 @@ Faces walk_test_faces(Path path, Reach reach) {
         for (uint face = first; face < end; face++) walk_test_face(g, face, reach.segment, margin, faces);
     }
     return faces;
-}
-
-// The face that the state is farthest beyond.
-uint walk_violated(Path path) {
-    uint violated = io_cells[walk_cell(path)].first_face;
-    uint end = violated + io_cells[walk_cell(path)].face_count;
-    float worst = geo_side(path.point, io_faces[violated].plane);
-    for (uint face = violated + 1u; face < end; face++) {
-        float side = geo_side(path.point, io_faces[face].plane);
-        if (side > worst) {
-            worst = side;
-            violated = face;
-        }
-    }
-    return violated;
 }
 
 // The same parabola, a little beyond its ends.
@@ -223,14 +213,14 @@ bool stage_segment(inout Path path, float limit, uint bounces, bool first, out S
     if (IO_INTEGRATOR != IO_INTEGRATOR_EXACT) return stepped_segment(path, limit, bounces, first, segment);
     Reach reach = walk_reach(path, limit);
     Faces faces = walk_test_faces(path, reach);
-    for (uint attempt = 0u; faces.worst > IO_ON_FACE; attempt++) {
+    for (uint attempt = 0u; faces.violated != IO_END_LIMIT; attempt++) {
         bool lost = attempt == IO_REDUCE_LIMIT;
         if (lost) count(IO_COUNT_LOST);
         if (lost || path.bounces == bounces) {
             path.status = PATH_GONE;
             return false;
         }
-        walk_cross(path, walk_state(path), walk_violated(path));
+        walk_cross(path, walk_state(path), faces.violated);
         reach = walk_reach(path, limit);
         faces = walk_test_faces(path, reach);
     }

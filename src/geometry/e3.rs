@@ -82,9 +82,7 @@ impl Geometry for E3 {
 
     fn exit(&self, g: Geodesic, plane: DVec4, _reach: f64) -> f64 {
         let rate = plane.dot(g.velocity);
-        // Divided in any case: a branch that nobody can foresee costs more.
-        let u = (-plane.dot(g.point) / rate).max(0.0);
-        if (rate > ALONG_FACE) & (u < f64::INFINITY) { u } else { f64::INFINITY }
+        if rate > ALONG_FACE { (-plane.dot(g.point) / rate).max(0.0) } else { f64::INFINITY }
     }
 
     fn arc(&self, _g: Geodesic, u_max: f64, _tolerance: f64) -> f64 {

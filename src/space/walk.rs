@@ -156,6 +156,7 @@ pub fn stage_segment<G: Geometry>(
         for (chunk, first) in domain.faces[cell.clone()].chunks(FACES_AT_ONCE).zip(cell.clone().step_by(FACES_AT_ONCE))
         {
             let mut exits = [f64::INFINITY; FACES_AT_ONCE];
+            let exits = &mut exits[..chunk.len()];
             for (exit, face) in exits.iter_mut().zip(chunk) {
                 let side = geometry.side(path.state.point, face.plane);
                 worst = if side > worst { side } else { worst };
