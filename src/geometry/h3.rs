@@ -8,7 +8,7 @@
 //! Far from the base point ambient components grow like eᵈ. Lengths are therefore taken from the radial and the
 //! transverse part of a vector, which do not cancel; see [`Geometry::norm`].
 
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, Quadric, Real, Real3, across, matrix_of, spatial};
+use super::{ALONG_FACE, Geodesic, Geometry, Isometry, Quadric, Real, Real3, across, hypotenuse, matrix_of, spatial};
 use glam::{DMat4, DVec3, DVec4, Vec4Swizzles};
 
 /// Hyperbolic three-space of curvature −1.
@@ -59,7 +59,7 @@ impl Geometry for H3 {
         let n = x / r;
         let radial = spatial(v).dot(n);
         let transverse = (spatial(v) - n * radial).length();
-        (radial / p.w).hypot(transverse)
+        hypotenuse(radial / p.w, transverse)
     }
 
     fn frame(&self, p: DVec4) -> [DVec4; 3] {
@@ -118,11 +118,9 @@ impl Geometry for H3 {
 
     fn exit(&self, g: Geodesic, plane: DVec4, _reach: f64) -> f64 {
         let rate = plane.dot(g.velocity);
-        if rate <= ALONG_FACE {
-            return f64::INFINITY;
-        }
+        // Divided in any case: a branch that nobody can foresee costs more.
         let u = (-plane.dot(g.point) / rate).max(0.0);
-        if u < 1.0 { u } else { f64::INFINITY }
+        if (rate > ALONG_FACE) & (u < 1.0) { u } else { f64::INFINITY }
     }
 
     fn arc(&self, _g: Geodesic, u_max: f64, _tolerance: f64) -> f64 {
@@ -136,7 +134,7 @@ impl Geometry for H3 {
 
     fn restore(&self, g: Geodesic) -> Geodesic {
         let x = spatial(g.point);
-        let point = x.extend(x.length().hypot(1.0));
+        let point = x.extend(hypotenuse(x.length(), 1.0));
         let tangent = spatial(g.velocity) + x * minkowski(point, g.velocity);
         let tangent = tangent.extend(tangent.dot(x) / point.w);
         Geodesic { point, velocity: tangent / self.norm(point, tangent) }

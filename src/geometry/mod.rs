@@ -561,6 +561,12 @@ fn components_text<G: Geometry>(geometry: G, v: DVec4) -> String {
     format!("({})", shown.join(", "))
 }
 
+/// `a.hypot(b)`, in a tenth of the time where the squares are ordinary numbers.
+fn hypotenuse(a: f64, b: f64) -> f64 {
+    let square = a * a + b * b;
+    if square > 1e-280 && square < 1e300 { square.sqrt() } else { a.hypot(b) }
+}
+
 /// End point of the geodesic that leaves `p` with velocity `w` (any length, zero included) after unit time.
 pub fn exponential<G: Geometry>(geometry: G, p: DVec4, w: DVec4) -> DVec4 {
     let norm = geometry.norm(p, w);

@@ -4,7 +4,9 @@
 //! great circles are straight. Flow: `p cos t + v sin t`. Curve parameter: `tan(t/2)`, so that a ray passes the
 //! quarter turn, where the gnomonic `tan t` is infinite, without a special case.
 
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3, across, matrix_of, spatial};
+use super::{
+    ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3, across, hypotenuse, matrix_of, spatial,
+};
 use glam::{DMat4, DVec3, DVec4};
 use std::f64::consts::PI;
 
@@ -94,7 +96,7 @@ impl Geometry for S3 {
     fn exit(&self, g: Geodesic, plane: DVec4, _reach: f64) -> f64 {
         // a cos t + b sin t = 0 from below: tan(t/2) = -a / (√(a²+b²) + b).
         let (a, b) = (plane.dot(g.point), plane.dot(g.velocity));
-        let radius = a.hypot(b);
+        let radius = hypotenuse(a, b);
         if b > ALONG_FACE {
             (-a / (radius + b)).max(0.0)
         } else if a < -ON_FACE {

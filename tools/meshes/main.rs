@@ -22,5 +22,7 @@ fn main() -> Res<()> {
     hands::hands(dir)?;
     plain::knot(dir, "knot", 784, 64)?;
     plain::knot(dir, "knot-small", 63, 8)?;
+    plain::ring(dir, "ring", 64, 8)?;
+    plain::ring(dir, "ring-fine", 640, 80)?;
     plain::leaf(dir)
 }

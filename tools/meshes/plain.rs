@@ -1,4 +1,4 @@
-//! The knot and the leaf.
+//! The knot, the ring and the leaf.
 
 use super::field::*;
 use super::glb::*;
@@ -27,6 +27,20 @@ pub fn knot(dir: &Path, name: &str, nu: usize, nv: usize) -> Res<()> {
     fit(&mut [&mut tube]);
     let mut glb = Glb::new(name);
     glb.add(&tube, plain("knot", [0.80, 0.26, 0.07], 0.0, 0.35));
+    glb.write(dir, &format!("{name}.glb"))
+}
+
+/// A ring with `nu` cells along and `nv` around: 2 nu nv triangles.
+pub fn ring(dir: &Path, name: &str, nu: usize, nv: usize) -> Res<()> {
+    let mut ring = patch(nu, nv, &|u, v| {
+        let (along, around) = (TAU * u, -TAU * v);
+        let spoke = V(along.cos(), along.sin(), 0.0);
+        let n = spoke * around.cos() + V(0.0, 0.0, around.sin());
+        (spoke + n * 0.4, n)
+    });
+    fit(&mut [&mut ring]);
+    let mut glb = Glb::new(name);
+    glb.add(&ring, plain("ring", [0.75, 0.55, 0.2], 0.0, 0.4));
     glb.write(dir, &format!("{name}.glb"))
 }
 

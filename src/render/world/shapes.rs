@@ -8,7 +8,7 @@ use super::{
     tessellate::{self, Surface},
 };
 use crate::{
-    geometry::{Geodesic, Geometry, Quadric},
+    geometry::{Geodesic, Geometry, Quadric, exponential},
     render::bvh::Aabb,
     scene::Object,
     space::observer::Frame,
@@ -154,6 +154,11 @@ impl<G: Geometry> Builder<'_, G> {
                 .filter_map(|i| geometry.ball(geometry.flow(start, spacing * i as f64).point, wide))
                 .map(|ball| ball_box(&ball))
                 .fold(Aabb::EMPTY, Aabb::union);
+            let bounds = if bounds.lower.is_finite() && bounds.upper.is_finite() {
+                tube_box(geometry, start, length, radius).intersection(bounds)
+            } else {
+                bounds
+            };
             let clips = [clip(start, 1.0), clip(end, -1.0)];
             if let Some(tube) = geometry.tube(start, radius) {
                 self.add_quadric(index, object, &copy, tube, clips, bounds);
@@ -188,7 +193,9 @@ impl<G: Geometry> Builder<'_, G> {
             Some(polyhedron) => bounds.intersection(Aabb::around(polyhedron.vertices.iter().copied())),
             None => bounds,
         };
-        if is_known || bounds.lower.cmpgt(bounds.upper).any() {
+        // What only touches the cell with its end is seen in the cell where it goes on.
+        const THIN: f64 = 1e-12;
+        if is_known || (bounds.upper - bounds.lower).min_element() < THIN {
             return;
         }
         let object = index as u32;
@@ -267,6 +274,47 @@ impl Made {
             self.0.push((copy.cell, ends.iter().map(image).collect()));
         }
     }
+}
+
+/// The box of a tube that is cut off across its ends: that of circles about its axis.
+fn tube_box<G: Geometry>(geometry: G, axis: Geodesic, length: f64, radius: f64) -> Aabb {
+    const CIRCLES: usize = 48;
+    const POINTS: usize = 16;
+    let circle = |i: usize| {
+        let Geodesic { point, velocity } = geometry.flow(axis, length * i as f64 / CIRCLES as f64);
+        // The two axes of the frame that lead away from the tube's own, made orthonormal to it and each other.
+        let mut frame = geometry.frame(point);
+        frame.sort_by(|a, b| {
+            let along = |v: &DVec4| geometry.inner(point, *v, velocity).abs();
+            along(a).total_cmp(&along(b))
+        });
+        let across = |v: DVec4, other: DVec4| {
+            let v = v - velocity * geometry.inner(point, v, velocity) - other * geometry.inner(point, v, other);
+            v / geometry.norm(point, v)
+        };
+        let one = across(frame[0], DVec4::ZERO);
+        let other = across(frame[1], one);
+        let points: Vec<DVec3> = (0..POINTS)
+            .map(|k| {
+                let (sin, cos) = (k as f64 * std::f64::consts::TAU / POINTS as f64).sin_cos();
+                geometry.chart(exponential(geometry, point, (one * cos + other * sin) * radius))
+            })
+            .collect();
+        let around = Aabb::around(points.iter().copied());
+        let margin = bulge((0..POINTS).map(|k| [k, k + 1, k + 2].map(|k| points[k % POINTS])));
+        Aabb { lower: around.lower - margin, upper: around.upper + margin }
+    };
+    let circles: Vec<Aabb> = (0..=CIRCLES).map(circle).collect();
+    let bounds = circles.iter().fold(Aabb::EMPTY, |b, circle| b.union(*circle));
+    let lower = bulge(circles.windows(3).map(|c| [c[0].lower, c[1].lower, c[2].lower]));
+    let upper = bulge(circles.windows(3).map(|c| [c[0].upper, c[1].upper, c[2].upper]));
+    Aabb { lower: bounds.lower - lower, upper: bounds.upper + upper }
+}
+
+/// How far a curve may reach beyond points of it, from all threes of neighbours: an eighth of their second difference, and a
+/// third more because that is not the same everywhere.
+fn bulge(neighbours: impl Iterator<Item = [DVec3; 3]>) -> DVec3 {
+    neighbours.fold(DVec3::ZERO, |most, [a, b, c]| most.max((a - 2.0 * b + c).abs())) / 6.0
 }
 
 /// The box of an ellipsoid in the chart: its tangent planes are the zeros of the inverse matrix.
