@@ -223,10 +223,10 @@ float geo_exit(Geodesic g, vec4 plane, float reach) {
         Geodesic at = geo_flow(g, s);
         float value = dot(plane.xyz, geo_chart(at.point)) + plane.w;
         float rate = dot(plane.xyz, sl2_chart_differential(at.point) * at.velocity.xyz);
-        float side = value * p.w;
-        if (i == 0 && side >= -IO_ON_FACE) {
+        // Whether the state is on its plane is judged as the walk judges whether it is outside.
+        if (i == 0 && value * p.w >= -IO_ON_FACE) {
             if (rate > IO_ALONG_FACE) return 0.0;
-            threshold = IO_ON_FACE + max(side, 0.0);
+            threshold = IO_ON_FACE + max(value * p.w, 0.0);
         }
         value -= threshold;
         // A stride has gone too far by a stride at most, along a plane that is as close as its rounding.

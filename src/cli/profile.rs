@@ -142,13 +142,12 @@ pub(super) fn run(args: &ProfileArgs) -> Outcome {
 fn subjects(args: &ProfileArgs) -> Result<Vec<Subject>, Failure> {
     let curved = curved(args)?;
     let varied = args.integrator != Integrator::Exact || !args.tolerances.is_empty();
-    let mut names: Vec<String> = match (args.scenes.is_empty(), args.book) {
+    let names: Vec<String> = match (args.scenes.is_empty(), args.book) {
         (false, _) => args.scenes.clone(),
         (true, true) => shipped::of_the_book().map(str::to_owned).collect(),
         (true, false) => catalogue::NAMES.iter().map(|name| (*name).to_owned()).collect(),
     };
-    let mut seen = Vec::new();
-    names.retain(|name| !seen.contains(name) && (seen.push(name.clone()), true).1);
+    let names = distinct(&names);
     let mut sizes = args.size.clone();
     sizes.sort_unstable();
     sizes.dedup();
@@ -189,7 +188,6 @@ fn curved(args: &ProfileArgs) -> Result<Vec<Following>, Failure> {
 
 /// The backends asked for; `auto` stands for all that are there.
 fn open(wish: &[BackendChoice]) -> Result<Vec<Opened>, Failure> {
-    let mut choices = wish.to_vec();
     if wish.contains(&BackendChoice::Auto) {
         let (there, missing) = Opened::available(&[BackendChoice::Cpu, BackendChoice::Compute, BackendChoice::Rt]);
         for (choice, reason) in missing {
@@ -200,9 +198,13 @@ fn open(wish: &[BackendChoice]) -> Result<Vec<Opened>, Failure> {
         }
         return Ok(there);
     }
-    let mut seen = Vec::new();
-    choices.retain(|choice| !seen.contains(choice) && (seen.push(*choice), true).1);
-    Ok(choices.into_iter().map(Opened::new).collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
+    Ok(distinct(wish).into_iter().map(Opened::new).collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
+}
+
+/// Each of the values once, where it comes first.
+fn distinct<T: Clone + PartialEq>(values: &[T]) -> Vec<T> {
+    let first = |(index, value): (usize, &T)| (!values[..index].contains(value)).then(|| value.clone());
+    values.iter().enumerate().filter_map(first).collect()
 }
 
 /// Whether all backends can draw all scenes; their devices.
