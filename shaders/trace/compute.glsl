@@ -116,7 +116,7 @@ uint traverse_cell(Segment segment, uint cell, bool any_hit) {
     uint base = together_stack();
     if (IO_TOGETHER > 0u) io_stacks[base] = root; else stack[0] = root;
     uint depth = 1u;
-    while (depth > 0u) {
+    while (true) {
         uint top = together_first(depth) - 1u;
         uint current = IO_TOGETHER > 0u ? io_stacks[base + top] : stack[top];
         Node node = io_nodes[reference_index(current)];
@@ -145,10 +145,11 @@ uint traverse_cell(Segment segment, uint cell, bool any_hit) {
             if (IO_TOGETHER > 0u) io_stacks[base + top] = children[i]; else stack[top] = children[i];
             top += among[i] && reference_kind(children[i]) < IO_REFERENCE_NOTHING ? 1u : 0u;
         }
+        if (top == 0u) break;
         depth = top;
         if (any_hit) {
+            if (together_all(found != IO_NONE)) break;
             if (found != IO_NONE) s_end = -1.0;
-            if (together_all(found != IO_NONE)) depth = 0u;
         }
     }
     return found;

@@ -1,8 +1,9 @@
 //! Bounding volume hierarchy: one builder for the cpu and the compute backend.
 //!
 //! Splits by the surface area heuristic with bins (Wald: On fast construction of SAH-based bounding volume hierarchies,
-//! 2007), two levels of which make a node of four children (Wald, Benthin, Boulos: Getting rid of packets, 2008, section
-//! 3): a traversal step reads a cache line and decides about four boxes. Boxes lie on a grid of 2¹⁶ lines per axis over the
+//! 2007) make a binary tree. Of its branches those become nodes, of four children each, that make the whole cheapest
+//! (Ylitie, Karras, Laine: Efficient incoherent ray traversal on GPUs through compressed wide BVHs, 2017, section 3.1): a
+//! traversal step reads a cache line and decides about four boxes. Boxes lie on a grid of 2¹⁶ lines per axis over the
 //! cell's content, rounded outwards: half of the memory traffic of f32 boxes for a loss that is smaller than any triangle
 //! worth drawing. Children are sorted along an axis, so that the sign of a direction tells the near ones. A child is a node
 //! or a single primitive.
@@ -52,9 +53,9 @@ impl Aabb {
 const BINS: usize = 16;
 /// Children of a node.
 const WIDTH: usize = 4;
-/// Depth from which nodes are quartered by count, which leaves at most 14 more levels of nodes below. Each node above a
-/// traversal's has three children waiting at most.
-const HALVE_FROM_DEPTH: u32 = STACK_SIZE / 3 - 14;
+/// Most branches above a primitive: each node on the way leaves three children waiting on a traversal's stack.
+const MAX_DEPTH: u32 = STACK_SIZE / 3 - 1;
+
 /// A cell's hierarchy: where its root is, and the grid of its boxes.
 #[derive(Clone, Copy, Debug)]
 pub struct Tree {
@@ -106,65 +107,131 @@ impl Grid {
 /// Appends the tree of primitives to `nodes`, from the box of each. `None` without primitives.
 pub fn build(primitives: &[(Aabb, Primitive)], nodes: &mut Vec<Node>) -> Option<Tree> {
     let mut items: Vec<Item> =
-        primitives.iter().map(|&(bounds, primitive)| Item::new(bounds, Reference::Primitive(primitive))).collect();
+        primitives.iter().map(|&(bounds, primitive)| Item { bounds, centre: bounds.centre(), primitive }).collect();
+    if items.is_empty() {
+        return None;
+    }
     let grid = Grid::new(bounds(&items));
-    let mut builder = Builder { nodes, grid, levels: 1 };
-    let root = match &mut items[..] {
-        [] => return None,
-        [only] => builder.finish(builder.nodes.len(), &[*only], 0),
-        several => builder.node(several, 0),
+    let mut branches = Vec::with_capacity(2 * items.len() - 1);
+    let root = grow(&mut branches, &mut items, 0);
+    let mut collapse = Collapse { branches: &branches, nodes, grid, levels: 0 };
+    let root = match branches[root].kind {
+        Kind::Primitive(_) => collapse.finish(collapse.nodes.len(), &mut [(root, Reference::Nothing)]),
+        Kind::Fork(..) => collapse.node(root, 1),
     };
     // Beside each node above three others may wait, and a fourth place is written to in vain.
-    Some(Tree { stack: 3 * builder.levels + 1, root: root.word(), grid })
+    Some(Tree { stack: 3 * collapse.levels.max(1) + 1, root: root.word(), grid })
 }
 
-/// A primitive or a node.
 #[derive(Clone, Copy)]
 struct Item {
     bounds: Aabb,
     centre: DVec3,
-    reference: u32,
+    primitive: Primitive,
 }
 
-impl Item {
-    fn new(bounds: Aabb, reference: Reference) -> Self {
-        Self { bounds, centre: bounds.centre(), reference: reference.word() }
-    }
+fn bounds(items: &[Item]) -> Aabb {
+    items.iter().fold(Aabb::EMPTY, |b, item| b.union(item.bounds))
 }
 
-struct Builder<'a> {
+/// A branch of the binary tree.
+struct Branch {
+    bounds: Aabb,
+    kind: Kind,
+    /// Expected number of nodes visited, times an area, if it becomes at most 1, 2, 3, 4 children of one node.
+    cost: [f64; WIDTH],
+}
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Primitive(Primitive),
+    /// Indices of two branches.
+    Fork(usize, usize),
+}
+
+/// Grows the branch of one item or more; returns its index.
+fn grow(branches: &mut Vec<Branch>, items: &mut [Item], depth: u32) -> usize {
+    let bounds = bounds(items);
+    let branch = if let [only] = items {
+        Branch { bounds, kind: Kind::Primitive(only.primitive), cost: [0.0; WIDTH] }
+    } else {
+        let middle = split(items, depth);
+        let (left, right) = items.split_at_mut(middle);
+        let fork = (grow(branches, left, depth + 1), grow(branches, right, depth + 1));
+        let apart = |count: usize| shares(branches, fork, count).0;
+        let mut cost = [bounds.half_area() + apart(WIDTH); WIDTH];
+        for count in 2..=WIDTH {
+            cost[count - 1] = cost[count - 2].min(apart(count));
+        }
+        Branch { bounds, kind: Kind::Fork(fork.0, fork.1), cost }
+    };
+    branches.push(branch);
+    branches.len() - 1
+}
+
+/// The cheapest way to make at most `count` children of two branches: its cost, and how many each gets.
+fn shares(branches: &[Branch], (left, right): (usize, usize), count: usize) -> (f64, usize, usize) {
+    let share = |k: usize| (branches[left].cost[k - 1] + branches[right].cost[count - k - 1], k, count - k);
+    (1..count).map(share).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, 1, 1))
+}
+
+/// Makes nodes of branches.
+struct Collapse<'a> {
+    branches: &'a [Branch],
     nodes: &'a mut Vec<Node>,
     grid: Grid,
     /// Nodes from the root to the deepest one.
     levels: u32,
 }
 
-impl Builder<'_> {
-    /// The reference of a node about two items or more.
-    fn node(&mut self, items: &mut [Item], depth: u32) -> Reference {
+impl Collapse<'_> {
+    /// The reference of the node that a fork becomes.
+    fn node(&mut self, branch: usize, level: u32) -> Reference {
         let index = self.nodes.len();
-        self.levels = self.levels.max(depth + 1);
         self.nodes.push(Node::default());
-        let (groups, axis) = groups(items, depth);
+        self.levels = self.levels.max(level);
         let mut children = Vec::with_capacity(WIDTH);
-        for Group { items, bounds } in groups {
-            children.push(match items {
-                [only] => *only,
-                several => Item::new(bounds, self.node(several, depth + 1)),
-            });
+        if let Kind::Fork(left, right) = self.branches[branch].kind {
+            self.gather(&mut children, (left, right), WIDTH);
         }
-        self.finish(index, &children, axis)
+        for (child, reference) in &mut children {
+            if let Kind::Fork(..) = self.branches[*child].kind {
+                *reference = self.node(*child, level + 1);
+            }
+        }
+        self.finish(index, &mut children)
     }
 
-    /// Writes a node and returns its reference.
-    fn finish(&mut self, index: usize, children: &[Item], axis: u32) -> Reference {
+    /// Collects what a fork becomes if it becomes at most `count` children.
+    fn gather(&self, children: &mut Vec<(usize, Reference)>, fork: (usize, usize), count: usize) {
+        let (_, of_left, of_right) = shares(self.branches, fork, count);
+        for (branch, count) in [(fork.0, of_left), (fork.1, of_right)] {
+            let Branch { kind, cost, .. } = &self.branches[branch];
+            let enough = (1..=count).find(|k| cost[k - 1] <= cost[count - 1]).unwrap_or(1);
+            match *kind {
+                Kind::Fork(left, right) if enough > 1 => self.gather(children, (left, right), enough),
+                _ => children.push((branch, Reference::Nothing)),
+            }
+        }
+    }
+
+    /// Writes a node about branches, of which forks have their reference; returns the node's.
+    fn finish(&mut self, index: usize, children: &mut [(usize, Reference)]) -> Reference {
+        let centre = |(branch, _): &(usize, Reference)| self.branches[*branch].bounds.centre();
+        let spread = Aabb::around(children.iter().map(centre));
+        let axis = (spread.upper - spread.lower).max_position();
+        children.sort_by(|a, b| centre(a)[axis].total_cmp(&centre(b)[axis]));
         // A box of one point where there is no child.
         let mut lines = [[u32::MAX; WIDTH]; 3];
         let mut references = [Reference::Nothing.word(); WIDTH];
-        for (i, child) in children.iter().enumerate() {
-            let of_child = self.grid.lines(child.bounds);
+        for (i, (branch, reference)) in children.iter().enumerate() {
+            let Branch { bounds, kind, .. } = &self.branches[*branch];
+            let of_child = self.grid.lines(*bounds);
             (0..3).for_each(|axis| lines[axis][i] = of_child[axis]);
-            references[i] = child.reference;
+            references[i] = match kind {
+                Kind::Primitive(primitive) => Reference::Primitive(*primitive).word(),
+                Kind::Fork(..) => reference.word(),
+            };
         }
         let [x, y, z] = lines;
         let node = Node { x, y, z, children: references };
@@ -172,45 +239,8 @@ impl Builder<'_> {
             Some(place) => *place = node,
             None => self.nodes.push(node),
         }
-        Reference::Node(index as u32, axis)
+        Reference::Node(index as u32, axis as u32)
     }
-}
-
-fn bounds(items: &[Item]) -> Aabb {
-    items.iter().fold(Aabb::EMPTY, |b, item| b.union(item.bounds))
-}
-
-/// What becomes a child of a node.
-struct Group<'a> {
-    items: &'a mut [Item],
-    bounds: Aabb,
-}
-
-impl<'a> Group<'a> {
-    fn new(items: &'a mut [Item]) -> Self {
-        Self { bounds: bounds(items), items }
-    }
-}
-
-/// The items of a node by children, and the axis along which these are sorted. The largest group is split until there are
-/// enough.
-fn groups(items: &mut [Item], depth: u32) -> (Vec<Group<'_>>, u32) {
-    let size = |group: &Group<'_>| match depth {
-        HALVE_FROM_DEPTH.. => group.items.len() as f64,
-        _ => group.bounds.half_area(),
-    };
-    let mut groups = vec![Group::new(items)];
-    while groups.len() < WIDTH {
-        let open = groups.iter().enumerate().filter(|(_, group)| group.items.len() > 1);
-        let Some((largest, _)) = open.max_by(|(_, a), (_, b)| size(a).total_cmp(&size(b))) else { break };
-        let Group { items, .. } = groups.swap_remove(largest);
-        let middle = split(items, depth);
-        groups.extend(<[_; 2]>::from(items.split_at_mut(middle)).map(Group::new));
-    }
-    let spread = Aabb::around(groups.iter().map(|group| group.bounds.centre()));
-    let axis = (spread.upper - spread.lower).max_position();
-    groups.sort_by(|a, b| a.bounds.centre()[axis].total_cmp(&b.bounds.centre()[axis]));
-    (groups, axis as u32)
 }
 
 /// What rays can hit, by its index.
@@ -264,7 +294,8 @@ fn split(items: &mut [Item], depth: u32) -> usize {
     let halves = items.len() / 2;
     let centres = Aabb::around(items.iter().map(|item| item.centre));
     let extent = centres.upper - centres.lower;
-    if depth >= HALVE_FROM_DEPTH || extent.max_element() <= 0.0 {
+    let levels = items.len().next_power_of_two().ilog2();
+    if depth + levels >= MAX_DEPTH || extent.max_element() <= 0.0 {
         return halves;
     }
     let mut best: Option<(f64, usize, usize)> = None;
