@@ -277,39 +277,51 @@ impl Still {
         stats: &mut StructureStats,
     ) -> Result<Self, RenderError> {
         let copies = &world.still.copies;
-        let mut blueprints = Vec::new();
+        let made: Vec<_> = copies.iter().map(|copy| geometries(world, &copy.parts)).collect();
+        let opaque = |index: usize| made[index].0.iter().map(|part| part.opaque);
+        // Another material may make holes, and then the structure is another one; and the image of a box is none.
+        let shared = |index: usize| {
+            copies[index].image_of.filter(|(first, _)| {
+                let same = *first < index && copies[*first].len() == copies[index].len();
+                same && triangles.boxes.is_none() && opaque(*first).eq(opaque(index))
+            })
+        };
+        let mut has_images = vec![false; copies.len()];
+        (0..copies.len()).filter_map(shared).for_each(|(first, _)| has_images[first] = true);
+        let mut blueprints: Vec<Blueprint> = Vec::new();
         let mut instances = Vec::with_capacity(copies.len());
-        // Structure and geometries of each copy so far.
-        let mut known: Vec<(usize, Vec<bool>)> = Vec::with_capacity(copies.len());
+        let mut build = |name: String, parts: Vec<bottom::Part>| {
+            let (shapes, buffer) = triangles.shapes();
+            blueprints.push(Blueprint { name, shapes, buffer, parts, moves: false });
+            blueprints.len() - 1
+        };
+        let mut known = vec![0; copies.len()];
         for (index, copy) in copies.iter().enumerate() {
-            let (parts, own) = geometries(world, &copy.parts);
-            let opaque: Vec<bool> = parts.iter().map(|part| part.opaque).collect();
-            let record = records.len() as u32;
-            records.extend(own);
-            let shared = copy.image_of.filter(|(first, _)| {
-                // Another material may make holes, and then the structure is another one; and the image of a box is none.
-                triangles.boxes.is_none()
-                    && *first < index
-                    && known[*first].1 == opaque
-                    && copies[*first].len() == copy.len()
-            });
-            let (structure, transform) = match shared {
-                Some((first, map)) => (known[first].0, rows(&map)),
-                None => {
-                    let (shapes, buffer) = triangles.shapes();
-                    blueprints.push(Blueprint {
-                        name: format!("mesh copy {index}"),
-                        shapes,
-                        buffer,
-                        parts,
-                        moves: false,
-                    });
-                    (blueprints.len() - 1, IDENTITY)
-                }
+            let (structure, transform) = match shared(index) {
+                Some((first, map)) => (known[first], rows(&map)),
+                None if has_images[index] => (build(format!("mesh copy {index}"), made[index].0.clone()), IDENTITY),
+                None => continue,
             };
-            known.push((structure, opaque));
+            known[index] = structure;
             if !copy.is_empty() {
-                instances.push(StillInstance { cell: copy.cell, structure, transform, record });
+                instances.push(StillInstance { cell: copy.cell, structure, transform, record: records.len() as u32 });
+                records.extend(&made[index].1);
+            }
+        }
+        // What is there once only is one structure: traversal need not enter several where they overlap.
+        for cell in 0..world.cells.len() {
+            let alone = |index: &usize| {
+                copies[*index].cell == cell
+                    && !copies[*index].is_empty()
+                    && !has_images[*index]
+                    && shared(*index).is_none()
+            };
+            let parts: Vec<_> = (0..copies.len()).filter(alone).flat_map(|index| made[index].0.clone()).collect();
+            if !parts.is_empty() {
+                let structure = build(format!("meshes of cell {cell}"), parts);
+                let record = records.len() as u32;
+                instances.push(StillInstance { cell, structure, transform: IDENTITY, record });
+                records.extend((0..copies.len()).filter(alone).flat_map(|index| &made[index].1));
             }
         }
         stats.builds += blueprints.len() as u64;
