@@ -132,6 +132,7 @@ impl Geometry for E3 {
         1.0
     }
 
+    #[inline]
     fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
         Geodesic { point: m.linear * g.point, velocity: m.linear * g.velocity }
     }

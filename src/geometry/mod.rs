@@ -148,6 +148,7 @@ impl Segment {
     /// third derivative, |(s−τ)₊² − s(1−τ)² + s(1−s)(1−τ)|/2, which is largest at s = ½.
     ///
     /// Returns the state at its end, too.
+    #[inline]
     pub fn along<G: Geometry>(geometry: G, g: Geodesic, u: f64) -> (Self, Geodesic) {
         let end = geometry.advance(g, u);
         let origin = geometry.chart(g.point);
@@ -264,6 +265,7 @@ pub trait Geometry: Copy + Send + Sync + 'static {
     // --- geodesics ----------------------------------------------------------------------------------
 
     /// The geodesic flow by arc length `t` (any sign), in f64. Exact up to rounding.
+    #[inline]
     fn flow(&self, g: Geodesic, t: f64) -> Geodesic {
         self.flow_in(RealGeodesic::from_f64(g), t).to_f64()
     }

@@ -201,6 +201,7 @@ impl Geometry for Nil {
         1.0
     }
 
+    #[inline]
     fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
         let (turn, p) = (turn(m), g.point.xy());
         let mut point = m.linear * g.point;

@@ -346,6 +346,7 @@ impl<P: Product> Geometry for P {
         (1.0 + P::CURVATURE * c.truncate().length_squared()).powf(-1.5)
     }
 
+    #[inline]
     fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
         Geodesic { point: m.linear * g.point + m.shift, velocity: m.linear * g.velocity }
     }

@@ -101,18 +101,22 @@ macro_rules! machine_number {
         impl Real for $number {
             const EPSILON: f64 = $number::EPSILON as f64;
 
+            #[inline]
             fn from_f64(x: f64) -> Self {
                 x as $number
             }
 
+            #[inline]
             fn to_f64(self) -> f64 {
                 self.into()
             }
 
+            #[inline]
             fn sqrt(self) -> Self {
                 $number::sqrt(self)
             }
 
+            #[inline]
             fn exp(self) -> Self {
                 $number::exp(self)
             }
@@ -121,7 +125,8 @@ macro_rules! machine_number {
         impl Elementary for $number {
             const SMALLEST: Self = $number::MIN_POSITIVE;
 
-            $(fn $function(self $(, $argument: Self)?) -> $result {
+            $(#[inline]
+            fn $function(self $(, $argument: Self)?) -> $result {
                 $number::$function(self $(, $argument)?)
             })*
         }
@@ -161,36 +166,43 @@ macro_rules! vector {
 
         impl<T: Real> $name<T> {
             /// From its components.
+            #[inline]
             pub fn new($first: T, $($rest: T),*) -> Self {
                 Self { $first, $($rest),* }
             }
 
             /// All components the same.
+            #[inline]
             pub fn splat(x: T) -> Self {
                 Self { $first: x, $($rest: x),* }
             }
 
             /// The zero vector.
+            #[inline]
             pub fn zero() -> Self {
                 Self::splat(T::from_f64(0.0))
             }
 
             /// Rounded from f64.
+            #[inline]
             pub fn from_f64(v: $double) -> Self {
                 Self { $first: T::from_f64(v.$first), $($rest: T::from_f64(v.$rest)),* }
             }
 
             /// Rounded to f64.
+            #[inline]
             pub fn to_f64(self) -> $double {
                 $double { $first: self.$first.to_f64(), $($rest: self.$rest.to_f64()),* }
             }
 
             /// Euclidean product.
+            #[inline]
             pub fn dot(self, other: Self) -> T {
                 self.$first * other.$first $(+ self.$rest * other.$rest)*
             }
 
             /// Euclidean length.
+            #[inline]
             pub fn length(self) -> T {
                 self.dot(self).sqrt()
             }
@@ -198,6 +210,7 @@ macro_rules! vector {
 
         impl<T: Real> Add for $name<T> {
             type Output = Self;
+            #[inline]
             fn add(self, other: Self) -> Self {
                 Self { $first: self.$first + other.$first, $($rest: self.$rest + other.$rest),* }
             }
@@ -205,6 +218,7 @@ macro_rules! vector {
 
         impl<T: Real> Sub for $name<T> {
             type Output = Self;
+            #[inline]
             fn sub(self, other: Self) -> Self {
                 Self { $first: self.$first - other.$first, $($rest: self.$rest - other.$rest),* }
             }
@@ -212,6 +226,7 @@ macro_rules! vector {
 
         impl<T: Real> Mul<T> for $name<T> {
             type Output = Self;
+            #[inline]
             fn mul(self, factor: T) -> Self {
                 Self { $first: self.$first * factor, $($rest: self.$rest * factor),* }
             }
@@ -219,6 +234,7 @@ macro_rules! vector {
 
         impl<T: Real> Div<T> for $name<T> {
             type Output = Self;
+            #[inline]
             fn div(self, divisor: T) -> Self {
                 Self { $first: self.$first / divisor, $($rest: self.$rest / divisor),* }
             }
@@ -240,21 +256,25 @@ vector!(
 
 impl<T: Real> Real2<T> {
     /// The vector, turned by a right angle.
+    #[inline]
     pub fn perp(self) -> Self {
         Self::new(-self.y, self.x)
     }
 
     /// Product with the other's, turned by a right angle: the area between the two.
+    #[inline]
     pub fn perp_dot(self, other: Self) -> T {
         self.x * other.y - self.y * other.x
     }
 
     /// The other, turned as this unit vector is from the first axis.
+    #[inline]
     pub fn rotate(self, other: Self) -> Self {
         Self::new(self.x * other.x - self.y * other.y, self.y * other.x + self.x * other.y)
     }
 
     /// With a third component.
+    #[inline]
     pub fn extend(self, z: T) -> Real3<T> {
         Real3::new(self.x, self.y, z)
     }
@@ -262,6 +282,7 @@ impl<T: Real> Real2<T> {
 
 impl<T: Elementary> Real2<T> {
     /// The unit vector at an angle, to rotate by.
+    #[inline]
     pub fn from_angle(angle: T) -> Self {
         let (sin, cos) = angle.sin_cos();
         Self::new(cos, sin)
@@ -270,11 +291,13 @@ impl<T: Elementary> Real2<T> {
 
 impl<T: Real> Real3<T> {
     /// The first two components.
+    #[inline]
     pub fn xy(self) -> Real2<T> {
         Real2::new(self.x, self.y)
     }
 
     /// With a fourth component.
+    #[inline]
     pub fn extend(self, w: T) -> Real4<T> {
         Real4::new(self.x, self.y, self.z, w)
     }
@@ -282,11 +305,13 @@ impl<T: Real> Real3<T> {
 
 impl<T: Real> Real4<T> {
     /// The first two components.
+    #[inline]
     pub fn xy(self) -> Real2<T> {
         Real2::new(self.x, self.y)
     }
 
     /// The first three components.
+    #[inline]
     pub fn xyz(self) -> Real3<T> {
         Real3::new(self.x, self.y, self.z)
     }
@@ -303,11 +328,13 @@ pub struct RealGeodesic<T> {
 
 impl<T: Real> RealGeodesic<T> {
     /// Rounded from f64.
+    #[inline]
     pub fn from_f64(g: Geodesic) -> Self {
         Self { point: Real4::from_f64(g.point), velocity: Real4::from_f64(g.velocity) }
     }
 
     /// Rounded to f64.
+    #[inline]
     pub fn to_f64(self) -> Geodesic {
         Geodesic { point: self.point.to_f64(), velocity: self.velocity.to_f64() }
     }

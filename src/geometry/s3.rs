@@ -157,6 +157,7 @@ impl Geometry for S3 {
         (1.0 + c.length_squared()).powi(-2)
     }
 
+    #[inline]
     fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
         Geodesic { point: m.linear * g.point, velocity: m.linear * g.velocity }
     }

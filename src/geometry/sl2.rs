@@ -452,6 +452,7 @@ impl Geometry for Sl2 {
         (1.0 - c.xy().length_squared()).powf(-1.5)
     }
 
+    #[inline]
     fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
         let p = g.point;
         let base = m.linear * DVec4::new(p.x, p.y, 0.0, p.w);

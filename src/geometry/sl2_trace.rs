@@ -304,6 +304,7 @@ impl Geometry for Sl2Trace {
         SQRT_2 / (1.0 + c.x).abs()
     }
 
+    #[inline]
     fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
         Geodesic { point: m.linear * g.point + m.shift, velocity: g.velocity }
     }

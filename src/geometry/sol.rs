@@ -242,6 +242,7 @@ impl Geometry for Sol {
         1.0
     }
 
+    #[inline]
     fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
         Geodesic { point: m.linear * g.point, velocity: g.velocity }
     }
