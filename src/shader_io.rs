@@ -22,6 +22,8 @@ pub mod types {
     pub type uvec2 = [u32; 2];
     /// Three unsigned integers.
     pub type uvec3 = [u32; 3];
+    /// Four unsigned integers.
+    pub type uvec4 = [u32; 4];
     /// Four columns of four floats.
     pub type mat4 = [[f32; 4]; 4];
 }
@@ -173,16 +175,16 @@ structures! {
         grid_scale: vec3,
     }
 
-    /// Inner node: boxes of both children on the cell's grid. A child with primitives is a leaf.
+    /// Node of a hierarchy: the boxes of its four children on the cell's grid, a cache line.
     struct Node {
-        /// Lower (low half) and upper (high half) grid line of the first child's box along x, y, z.
-        box0: uvec3,
-        /// First child: an index, and the number of primitives of a leaf from [`NODE_COUNT_SHIFT`] on.
-        child0: uint,
-        /// The second child's box.
-        box1: uvec3,
-        /// Second child.
-        child1: uint,
+        /// Lower (low half) and upper (high half) grid line of each child's box along x.
+        x: uvec4,
+        /// The same along y.
+        y: uvec4,
+        /// The same along z.
+        z: uvec4,
+        /// References of the children, see [`REFERENCE_SHIFT`].
+        children: uvec4,
     }
 
     /// Corners of a triangle, in the chart.
@@ -382,10 +384,15 @@ impl Literal for f32 {
 numbers! {
     /// "No such index".
     NONE: uint = 0xffff_ffff;
-    /// Bit of a primitive reference that marks a quadric; the other bits are an index.
-    QUADRIC_BIT: uint = 0x8000_0000;
-    /// A node's child holds the number of a leaf's primitives in its bits from here on.
-    NODE_COUNT_SHIFT: uint = 27;
+    /// A reference within a hierarchy is an index and, from this bit on, what is there: 0, 1 or 2 for a node, the axis along
+    /// which its children are sorted, or one of the following.
+    REFERENCE_SHIFT: uint = 28;
+    /// Nothing is there.
+    REFERENCE_NOTHING: uint = 3;
+    /// A triangle is there.
+    REFERENCE_TRIANGLE: uint = 4;
+    /// A quadric is there.
+    REFERENCE_QUADRIC: uint = 5;
     /// Texture wrap mode.
     WRAP_REPEAT: uint = 0;
     /// Texture wrap mode.
@@ -393,7 +400,7 @@ numbers! {
     /// Texture wrap mode.
     WRAP_MIRROR: uint = 2;
     /// Depth of the traversal stack. The builder keeps trees below it.
-    STACK_SIZE: uint = 48;
+    STACK_SIZE: uint = 96;
     /// Passages that reduction may take after a crossing before it gives up; a state that needs more has left
     /// every chart of the group and is counted as lost.
     REDUCE_LIMIT: uint = 64;
@@ -622,6 +629,8 @@ specialization! {
     listed: bool = false;
     /// One more than the counter that pixels show instead of what is seen; 0 for none.
     heat: uint = 0;
+    /// The invocations of a subgroup walk the hierarchy together, with a stack of so many entries; 0 if each walks alone.
+    together: uint = 0;
 }
 
 /// Declares buffer bindings of descriptor set 0 for both sides.
@@ -652,8 +661,8 @@ bindings! {
     2 cells: readonly Cell;
     /// Bounding volume hierarchies.
     3 nodes: readonly Node;
-    /// Primitive references in leaf order.
-    4 primitives: readonly uint;
+    /// Stacks of the subgroups that walk the hierarchy together.
+    4 stacks: restrict uint;
     /// Corners of triangles.
     5 triangles: readonly Triangle;
     /// Their shading data.

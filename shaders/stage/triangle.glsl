@@ -34,34 +34,39 @@ bool triangle_within(float weight, vec3 edge, float area, float slack) {
     return weight >= 0.0 || weight >= -slack * sqrt(area * dot(edge, edge));
 }
 
-// (s, weight of b, weight of c) of the first point where an arc meets the triangle, or NO_HIT: its height over the plane is
-// a quadratic of s.
+// (s, weight of b, weight of c) of the arc's point at s, which is in the triangle's plane, or NO_HIT outside of the triangle.
+vec3 triangle_hit_at(Segment segment, Triangle triangle, float s) {
+    if (!(s >= 0.0 && s <= 1.0)) return vec3(NO_HIT);
+    precise vec3 b = triangle.b - triangle.a;
+    precise vec3 c = triangle.c - triangle.a;
+    precise vec3 at = segment_at(segment, s) - triangle.a;
+    vec3 normal = cross(b, c);
+    float area = dot(normal, normal);
+    float wb = dot(normal, cross(at, c));
+    float wc = dot(normal, cross(b, at));
+    vec3 size = abs(at) + abs(triangle.a) + abs(segment.origin);
+    float slack = IO_ON_EDGE * max(size.x, max(size.y, size.z));
+    bool inside = triangle_within(wb, c, area, slack) && triangle_within(wc, b, area, slack)
+        && triangle_within(area - wb - wc, c - b, area, slack);
+    return inside ? vec3(s, wb / area, wc / area) : vec3(NO_HIT);
+}
+
+// The same at the first point where an arc meets the triangle: its height over the plane is a quadratic of s.
 vec3 triangle_hit_arc(Segment segment, Triangle triangle) {
     precise vec3 b = triangle.b - triangle.a;
     precise vec3 c = triangle.c - triangle.a;
     vec3 normal = cross(b, c);
-    float area = dot(normal, normal);
     // height + (rate + bend) s - bend s^2
     float height = dot(normal, segment.origin - triangle.a);
     float bend = dot(normal, segment.bend);
     float linear = dot(normal, segment.direction) + bend;
     float discriminant = linear * linear + 4.0 * bend * height;
-    if (discriminant < 0.0 || area == 0.0) return vec3(NO_HIT);
+    if (discriminant < 0.0 || normal == vec3(0.0)) return vec3(NO_HIT);
     float q = 0.5 * (linear + (linear < 0.0 ? -1.0 : 1.0) * sqrt(discriminant));
     float one = q == 0.0 ? NO_HIT : -height / q;
     float other = bend == 0.0 ? NO_HIT : q / bend;
-    for (int i = 0; i < 2; i++) {
-        float s = i == 0 ? min(one, other) : max(one, other);
-        if (!(s >= 0.0 && s <= 1.0)) continue;
-        precise vec3 at = segment_at(segment, s) - triangle.a;
-        float wb = dot(normal, cross(at, c));
-        float wc = dot(normal, cross(b, at));
-        vec3 size = abs(at) + abs(triangle.a) + abs(segment.origin);
-        float slack = IO_ON_EDGE * max(size.x, max(size.y, size.z));
-        if (triangle_within(wb, c, area, slack) && triangle_within(wc, b, area, slack)
-            && triangle_within(area - wb - wc, c - b, area, slack)) return vec3(s, wb / area, wc / area);
-    }
-    return vec3(NO_HIT);
+    vec3 first = triangle_hit_at(segment, triangle, min(one, other));
+    return first.x != NO_HIT ? first : triangle_hit_at(segment, triangle, max(one, other));
 }
 
 // The same, with s = NO_HIT where the segment does not pass inside or ends before.

@@ -105,9 +105,24 @@ void walk_passed(inout Path path, uint face) {
 }
 
 // Takes the path through a face.
-void walk_cross(inout Path path, Geodesic g, uint face) {
+void walk_through(inout Path path, Geodesic g, uint face) {
     walk_set(path, geo_restore(geo_cross(Isometry(io_faces[face].linear, io_faces[face].shift), io_faces[face].plane, g)));
     walk_passed(path, face);
+}
+
+void walk_cross(inout Path path, Geodesic g, uint face) {
+#ifdef WALK_TOGETHER
+    // Those of a subgroup that pass the same face go together, so that its numbers are read once for all of them.
+    for (bool waiting = IO_TOGETHER > 0u; waiting;) {
+        uint first = subgroupBroadcastFirst(face);
+        if (first == face) {
+            walk_through(path, g, first);
+            waiting = false;
+        }
+    }
+    if (IO_TOGETHER > 0u) return;
+#endif
+    walk_through(path, g, face);
 }
 
 // Largest deviation of the next arc from its curve, a length, for a tolerance that is an angle e seen from the source:
@@ -206,15 +221,11 @@ Segment segment_extended(Segment segment, bool first) {
 
 #include "stage/stepped.glsl"
 
-// Finds the end of the segment that starts at the path's state, and brings a state that rounding has left outside
-// of its cell (at an edge or a corner) back first. The path ends after geodesic length `limit`, and at most `bounces`
-// faces are passed. False: the path has ended.
-bool stage_segment(inout Path path, float limit, uint bounces, bool first, out Segment segment) {
-    if (IO_INTEGRATOR != IO_INTEGRATOR_EXACT) return stepped_segment(path, limit, bounces, first, segment);
-    Reach reach = walk_reach(path, limit);
-    Faces faces = walk_test_faces(path, reach);
-    for (uint attempt = 0u; faces.violated != IO_END_LIMIT; attempt++) {
-        bool lost = attempt == IO_REDUCE_LIMIT;
+// Brings a state that rounding has left outside of its cell (at an edge or a corner) back. False: the path has ended.
+bool walk_reduce(inout Path path, float limit, uint bounces, inout Reach reach, inout Faces faces) {
+    uint attempt = 0u;
+    do {
+        bool lost = attempt++ == IO_REDUCE_LIMIT;
         if (lost) count(IO_COUNT_LOST);
         if (lost || path.bounces == bounces) {
             path.status = PATH_GONE;
@@ -223,7 +234,18 @@ bool stage_segment(inout Path path, float limit, uint bounces, bool first, out S
         walk_cross(path, walk_state(path), faces.violated);
         reach = walk_reach(path, limit);
         faces = walk_test_faces(path, reach);
-    }
+    } while (faces.violated != IO_END_LIMIT);
+    return true;
+}
+
+// Finds the end of the segment that starts at the path's state. The path ends after geodesic length `limit`, and at most
+// `bounces` faces are passed. False: the path has ended.
+bool stage_segment(inout Path path, float limit, uint bounces, bool first, out Segment segment) {
+    if (IO_INTEGRATOR != IO_INTEGRATOR_EXACT) return stepped_segment(path, limit, bounces, first, segment);
+    Reach reach = walk_reach(path, limit);
+    Faces faces = walk_test_faces(path, reach);
+    // Asked before the loop: software that runs invocations in lockstep enters a loop even if none of them does.
+    if (faces.violated != IO_END_LIMIT && !walk_reduce(path, limit, bounces, reach, faces)) return false;
     float u = faces.u;
     path.end = faces.exit;
     Geodesic g = walk_state(path);

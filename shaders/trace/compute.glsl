@@ -3,109 +3,183 @@
 // stage_hit_quadric (closest-hit), stage_transport (miss).
 #ifndef COMPUTE_GLSL
 #define COMPUTE_GLSL
+#extension GL_KHR_shader_subgroup_basic : require
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_vote : require
+#extension GL_KHR_shader_subgroup_arithmetic : require
 #include "shared/io.glsl"
+#define WALK_TOGETHER
 #include "stage/walk.glsl"
 #include "stage/triangle.glsl"
 #include "stage/quadric.glsl"
 #include "stage/mask.glsl"
 #include "stage/hit.glsl"
 
-// Entry of a segment into a box, in s, or NO_HIT if it does not enter before `s_end`. All in units of the grid. An arc
-// lies between its chord and the chord shifted by a quarter of the bend, so a box that is as much larger to the other side
-// is entered by the chord no later than the box is by the arc: the origin is another one for lower and for upper faces.
-float box_entry(uvec3 lines, vec3 for_lower, vec3 for_upper, vec3 reciprocal, float s_end) {
-    vec3 a = (vec3(lines & 0xffffu) - for_lower) * reciprocal;
-    vec3 b = (vec3(lines >> 16u) - for_upper) * reciprocal;
-    vec3 low = min(a, b);
-    vec3 high = max(a, b);
-    float enter = max(max(low.x, low.y), max(low.z, 0.0));
-    float leave = min(min(high.x, high.y), min(high.z, s_end));
-    return enter <= leave ? enter : NO_HIT;
-}
+// A segment in units of the grid. An arc lies between its chord and the chord shifted by a quarter of the bend, so a box
+// that is as much larger to the other side is entered by the chord no later than the box is by the arc: the origin is
+// another one for lower and for upper faces.
+struct Slabs {
+    vec3 for_lower;
+    vec3 for_upper;
+    vec3 reciprocal;
+    uint negative; // one bit for each axis along which the segment goes down
+};
 
-// Whether a child's reference is a leaf, and its index.
-bool node_is_leaf(uint reference) {
-    return (reference >> IO_NODE_COUNT_SHIFT) > 0u;
-}
-
-// Nearest hit at s <= s_end among the primitives of a leaf.
-void leaf_hits(Segment segment, uint leaf, inout float s_end, inout uint reference) {
-    uint first = leaf & ((1u << IO_NODE_COUNT_SHIFT) - 1u);
-    uint end = first + (leaf >> IO_NODE_COUNT_SHIFT);
-    for (uint i = first; i < end; i++) {
-        uint candidate = io_primitives[i];
-        float s = NO_HIT;
-        if (IO_QUADRICS && (!IO_MESHES || (candidate & IO_QUADRIC_BIT) != 0u)) {
-            count(IO_COUNT_QUADRICS);
-            s = quadric_hit(segment, candidate & ~IO_QUADRIC_BIT, s_end);
-        } else if (IO_MESHES) {
-            count(IO_COUNT_TRIANGLES);
-            vec3 hit = triangle_hit(segment, io_triangles[candidate]);
-            s = hit.x;
-            if (IO_ALPHA_MASK && s < s_end && stage_is_hole(candidate, hit.yz)) s = NO_HIT;
-        }
-        if (s < s_end) {
-            s_end = s;
-            reference = candidate;
-        }
-    }
-}
-
-// Walks the hierarchy front to back; returns the primitive hit, or IO_NONE. With `any_hit` the first one found will do.
-uint traverse(Segment segment, uint cell, bool any_hit) {
-    uint reference = IO_NONE;
-    uint root = io_cells[cell].root;
-    if (!(IO_MESHES || IO_QUADRICS) || root == IO_NONE) return reference;
-    // The segment in units of the grid. A zero component would make 0 * inf = NaN at a box face; a tiny one behaves
-    // as a parallel ray.
-    vec3 origin = (segment.origin - io_cells[cell].grid_lower) * io_cells[cell].grid_scale;
-    vec3 bulge = GEO_STRAIGHT ? vec3(0.0) : 0.25 * segment.bend * io_cells[cell].grid_scale;
-    vec3 for_lower = origin + max(bulge, vec3(0.0));
-    vec3 for_upper = origin + min(bulge, vec3(0.0));
-    vec3 direction = segment.direction * io_cells[cell].grid_scale;
+Slabs slabs_of(Segment segment, Cell cell) {
+    vec3 origin = (segment.origin - cell.grid_lower) * cell.grid_scale;
+    vec3 bulge = GEO_STRAIGHT ? vec3(0.0) : 0.25 * segment.bend * cell.grid_scale;
+    vec3 direction = segment.direction * cell.grid_scale;
+    // A zero component would make 0 * inf = NaN at a box face; a tiny one behaves as a parallel ray.
     direction = mix(direction, vec3(1e-20), lessThan(abs(direction), vec3(1e-20)));
-    vec3 reciprocal = 1.0 / direction;
+    uvec3 negative = uvec3(lessThan(direction, vec3(0.0)));
+    return Slabs(origin + max(bulge, vec3(0.0)), origin + min(bulge, vec3(0.0)), 1.0 / direction,
+                 negative.x | negative.y << 1u | negative.z << 2u);
+}
+
+// Cuts [enter, leave] down to the slabs of four boxes along an axis.
+void slabs_cut(uvec4 lines, float for_lower, float for_upper, float reciprocal, inout vec4 enter, inout vec4 leave) {
+    vec4 a = (vec4(lines & 0xffffu) - for_lower) * reciprocal;
+    vec4 b = (vec4(lines >> 16u) - for_upper) * reciprocal;
+    enter = max(enter, min(a, b));
+    leave = min(leave, max(a, b));
+}
+
+// Which boxes of a node the segment enters before s_end: one bit for each child. Both ends are rounded (Ize: Robust BVH
+// ray traversal, 2013).
+uint slabs_entered(Slabs slabs, Node node, float s_end) {
+    vec4 enter = vec4(0.0);
+    vec4 leave = vec4(s_end);
+    slabs_cut(node.x, slabs.for_lower.x, slabs.for_upper.x, slabs.reciprocal.x, enter, leave);
+    slabs_cut(node.y, slabs.for_lower.y, slabs.for_upper.y, slabs.reciprocal.y, enter, leave);
+    slabs_cut(node.z, slabs.for_lower.z, slabs.for_upper.z, slabs.reciprocal.z, enter, leave);
+    uvec4 bits = mix(uvec4(0u), uvec4(1u, 2u, 4u, 8u), lessThanEqual(enter, leave * (1.0 + 5e-7)));
+    return bits.x | bits.y | bits.z | bits.w;
+}
+
+// Invocations that walk the hierarchy together (IO_TOGETHER > 0) visit what any of them has to: where they run in lockstep
+// that reads each node once for all.
+uint together_or(uint bits) {
+    return IO_TOGETHER > 0u ? subgroupOr(bits) : bits;
+}
+
+uint together_first(uint value) {
+    return IO_TOGETHER > 0u ? subgroupBroadcastFirst(value) : value;
+}
+
+bool together_all(bool value) {
+    return IO_TOGETHER > 0u ? subgroupAll(value) : value;
+}
+
+// Index and kind of what a reference names.
+uint reference_index(uint reference) {
+    return reference & ((1u << IO_REFERENCE_SHIFT) - 1u);
+}
+
+uint reference_kind(uint reference) {
+    return reference >> IO_REFERENCE_SHIFT;
+}
+
+bool reference_is_quadric(uint reference) {
+    return IO_QUADRICS && (!IO_MESHES || reference_kind(reference) == IO_REFERENCE_QUADRIC);
+}
+
+// Where the segment meets a primitive before s_end.
+float primitive_hit(Segment segment, uint reference, float s_end) {
+    uint index = reference_index(reference);
+    if (reference_is_quadric(reference)) {
+        count(IO_COUNT_QUADRICS);
+        return quadric_hit(segment, index, s_end);
+    }
+    count(IO_COUNT_TRIANGLES);
+    vec3 hit = triangle_hit(segment, io_triangles[index]);
+    return IO_ALPHA_MASK && hit.x < s_end && stage_is_hole(index, hit.yz) ? NO_HIT : hit.x;
+}
+
+// First entry of the subgroup's stack.
+uint together_stack() {
+    uint group = (gl_WorkGroupID.z * gl_NumWorkGroups.y + gl_WorkGroupID.y) * gl_NumWorkGroups.x + gl_WorkGroupID.x;
+    return (group * gl_NumSubgroups + gl_SubgroupID) * IO_TOGETHER;
+}
+
+// Walks the hierarchy of a cell front to back; returns the primitive hit, or IO_NONE. With `any_hit` the first one found
+// will do. Choices that all invocations of a subgroup share are made without branches, as far as possible: software keeps
+// what branches and loops change in vectors, and what they do not in scalars.
+uint traverse_cell(Segment segment, uint cell, bool any_hit) {
+    uint found = IO_NONE;
+    uint next = io_cells[cell].root;
+    if (next == IO_NONE) return found;
+    Slabs slabs = slabs_of(segment, io_cells[cell]);
+    uint negative = together_first(slabs.negative);
     float s_end = 1.0 + 1e-6;
-    uint stack[IO_STACK_SIZE];
+    uint stack[IO_STACK_SIZE]; // of an invocation that walks alone
+    uint base = together_stack();
     uint depth = 0u;
-    uint current = root;
     while (true) {
-        Node node = io_nodes[current];
+        uint current = together_first(next);
+        uint top = together_first(depth);
+        Node node = io_nodes[reference_index(current)];
         count(IO_COUNT_NODES);
-        float s0 = box_entry(node.box0, for_lower, for_upper, reciprocal, s_end);
-        float s1 = box_entry(node.box1, for_lower, for_upper, reciprocal, s_end);
-        if (s0 != NO_HIT && node_is_leaf(node.child0)) {
-            leaf_hits(segment, node.child0, s_end, reference);
-            s0 = NO_HIT;
+        uint own = slabs_entered(slabs, node, s_end);
+        uint entered = together_or(own);
+        // The children from near to far.
+        bool from_last = ((negative >> reference_kind(current)) & 1u) != 0u;
+        uvec4 children = from_last ? node.children.wzyx : node.children;
+        uvec4 bits = from_last ? uvec4(8u, 4u, 2u, 1u) : uvec4(1u, 2u, 4u, 8u);
+        bvec4 among = notEqual(bits & entered, uvec4(0u));
+        [[unroll]] for (uint i = 0u; i < 4u; i++) {
+            if (among[i] && reference_kind(children[i]) > IO_REFERENCE_NOTHING) {
+                if ((own & bits[i]) != 0u) {
+                    float s = primitive_hit(segment, children[i], s_end);
+                    if (s < s_end) {
+                        s_end = s;
+                        found = children[i];
+                    }
+                }
+            }
         }
-        if (s1 <= s_end && node_is_leaf(node.child1)) {
-            leaf_hits(segment, node.child1, s_end, reference);
-            s1 = NO_HIT;
+        // Nodes from far to near, so that the nearest is on top.
+        next = IO_NONE;
+        [[unroll]] for (uint k = 0u; k < 4u; k++) {
+            uint i = 3u - k;
+            bool inner = among[i] && reference_kind(children[i]) < IO_REFERENCE_NOTHING;
+            bool push = inner && next != IO_NONE;
+            if (IO_TOGETHER > 0u) io_stacks[base + top] = next;
+            else if (push) stack[top] = next;
+            top += push ? 1u : 0u;
+            next = inner ? children[i] : next;
         }
-        if (any_hit && reference != IO_NONE) return reference;
-        bool in0 = s0 <= s_end;
-        bool in1 = s1 <= s_end;
-        if (in0 && in1) {
-            bool swapped = s1 < s0;
-            stack[depth++] = swapped ? node.child0 : node.child1;
-            current = swapped ? node.child1 : node.child0;
-        } else if (in0 || in1) {
-            current = in0 ? node.child0 : node.child1;
-        } else if (depth > 0u) {
-            current = stack[--depth];
-        } else {
-            return reference;
+        if (any_hit) {
+            if (together_all(found != IO_NONE)) break;
+            if (found != IO_NONE) s_end = -1.0;
         }
+        if (next == IO_NONE) {
+            if (top == 0u) break;
+            top--;
+            next = IO_TOGETHER > 0u ? io_stacks[base + top] : stack[top];
+        }
+        depth = top;
+    }
+    return found;
+}
+
+// The same for the cell that a path is in.
+uint traverse(Segment segment, uint cell, bool any_hit) {
+    if (!(IO_MESHES || IO_QUADRICS)) return IO_NONE;
+    if (IO_TOGETHER == 0u || IO_FACES > 0u) return traverse_cell(segment, cell, any_hit);
+    // Together go those that are in the same cell.
+    while (true) {
+        uint first = subgroupBroadcastFirst(cell);
+        if (first == cell) return traverse_cell(segment, first, any_hit);
     }
 }
 
 // Traces one segment of a primary ray: closest-hit or miss follows.
 void trace_segment(inout Path path, inout Hit hit, Segment segment) {
     uint reference = traverse(segment, walk_cell(path), false);
-    uint index = reference & ~IO_QUADRIC_BIT;
+    uint index = reference_index(reference);
     if (reference == IO_NONE) {
         stage_transport(path, io_view[0].bounces);
-    } else if (IO_QUADRICS && (!IO_MESHES || index != reference)) {
+    } else if (reference_is_quadric(reference)) {
         stage_hit_quadric(path, hit, segment, index, io_quadric_shading[index].material);
     } else {
         stage_hit_triangle(path, hit, segment, index, io_triangle_shading[index].material);

@@ -1,11 +1,13 @@
 //! Bounding volume hierarchy: one builder for the cpu and the compute backend.
 //!
-//! Binary tree by the surface area heuristic with binned splits (Wald: On fast construction of SAH-based bounding
-//! volume hierarchies, 2007). A node holds the boxes of both children, so a traversal step reads one node and
-//! decides about two boxes. Boxes lie on a grid of 2¹⁶ lines per axis over the cell's content, rounded outwards: half
-//! of the memory traffic of f32 boxes for a loss that is smaller than any triangle worth drawing.
+//! Splits by the surface area heuristic with bins (Wald: On fast construction of SAH-based bounding volume hierarchies,
+//! 2007), two levels of which make a node of four children (Wald, Benthin, Boulos: Getting rid of packets, 2008, section
+//! 3): a traversal step reads a cache line and decides about four boxes. Boxes lie on a grid of 2¹⁶ lines per axis over the
+//! cell's content, rounded outwards: half of the memory traffic of f32 boxes for a loss that is smaller than any triangle
+//! worth drawing. Children are sorted along an axis, so that the sign of a direction tells the near ones. A child is a node
+//! or a single primitive.
 
-use crate::shader_io::{NODE_COUNT_SHIFT, Node, STACK_SIZE};
+use crate::shader_io::{Node, REFERENCE_NOTHING, REFERENCE_QUADRIC, REFERENCE_SHIFT, REFERENCE_TRIANGLE, STACK_SIZE};
 use glam::DVec3;
 
 /// An axis-aligned box in the chart.
@@ -46,21 +48,19 @@ impl Aabb {
     }
 }
 
-/// Primitives per leaf at which a split no longer pays for its traversal step.
-const LEAF_SIZE: usize = 2;
-/// Most primitives in a leaf, where no split separates them.
-const MAX_LEAF_SIZE: usize = 8;
 /// Bins per axis; more do not change the trees' cost measurably.
 const BINS: usize = 16;
-/// Depth from which nodes are halved by count, which bounds the depth by 24 more levels for 2²⁴ primitives.
-const HALVE_FROM_DEPTH: u32 = STACK_SIZE - 25;
-/// Cost of visiting a node relative to testing a primitive.
-const NODE_COST: f64 = 1.2;
-
+/// Children of a node.
+const WIDTH: usize = 4;
+/// Depth from which nodes are quartered by count, which leaves at most 14 more levels of nodes below. Each node above a
+/// traversal's has three children waiting at most.
+const HALVE_FROM_DEPTH: u32 = STACK_SIZE / 3 - 14;
 /// A cell's hierarchy: where its root is, and the grid of its boxes.
 #[derive(Clone, Copy, Debug)]
 pub struct Tree {
-    /// Index of the root among all nodes.
+    /// Entries that a stack needs.
+    pub stack: u32,
+    /// Reference of the root.
     pub root: u32,
     /// The grid.
     pub grid: Grid,
@@ -103,100 +103,170 @@ impl Grid {
     }
 }
 
-/// Appends the tree of `boxes` to `nodes`, and its primitives to `order`: index `i` of `boxes` appears as
-/// `names[i]`. `None` without primitives.
-pub fn build(boxes: &[Aabb], names: &[u32], nodes: &mut Vec<Node>, order: &mut Vec<u32>) -> Option<Tree> {
-    if boxes.is_empty() {
-        return None;
-    }
+/// Appends the tree of primitives to `nodes`, from the box of each. `None` without primitives.
+pub fn build(primitives: &[(Aabb, Primitive)], nodes: &mut Vec<Node>) -> Option<Tree> {
     let mut items: Vec<Item> =
-        boxes.iter().zip(names).map(|(b, name)| Item { bounds: *b, centre: b.centre(), name: *name }).collect();
-    let grid = Grid::new(boxes.iter().fold(Aabb::EMPTY, |b, x| b.union(*x)));
-    let root = nodes.len() as u32;
-    nodes.push(Node::default());
-    let mut builder = Builder { nodes, order, grid };
-    let children = if items.len() == 1 {
-        // A root has two children: both are the one leaf.
-        let leaf = builder.leaf(&items);
-        [leaf, leaf]
-    } else {
-        let middle = split(&mut items, 0).unwrap_or(boxes.len() / 2);
-        let (left, right) = items.split_at_mut(middle);
-        [builder.child(left, 1), builder.child(right, 1)]
+        primitives.iter().map(|&(bounds, primitive)| Item::new(bounds, Reference::Primitive(primitive))).collect();
+    let grid = Grid::new(bounds(&items));
+    let mut builder = Builder { nodes, grid, levels: 1 };
+    let root = match &mut items[..] {
+        [] => return None,
+        [only] => builder.finish(builder.nodes.len(), &[*only], 0),
+        several => builder.node(several, 0),
     };
-    builder.set(root, children);
-    Some(Tree { root, grid })
+    // Above each node three others may wait; one more place is written to in vain.
+    Some(Tree { stack: 3 * (builder.levels - 1) + 1, root: root.word(), grid })
 }
 
+/// A primitive or a node.
 #[derive(Clone, Copy)]
 struct Item {
     bounds: Aabb,
     centre: DVec3,
-    name: u32,
+    reference: u32,
 }
 
-/// Box and reference of a child.
-#[derive(Clone, Copy)]
-struct Child {
-    bounds: Aabb,
-    reference: u32,
+impl Item {
+    fn new(bounds: Aabb, reference: Reference) -> Self {
+        Self { bounds, centre: bounds.centre(), reference: reference.word() }
+    }
 }
 
 struct Builder<'a> {
     nodes: &'a mut Vec<Node>,
-    order: &'a mut Vec<u32>,
     grid: Grid,
+    /// Nodes from the root to the deepest one.
+    levels: u32,
 }
 
 impl Builder<'_> {
-    fn leaf(&mut self, items: &[Item]) -> Child {
-        let bounds = items.iter().fold(Aabb::EMPTY, |b, item| b.union(item.bounds));
-        let first = self.order.len() as u32;
-        self.order.extend(items.iter().map(|item| item.name));
-        Child { bounds, reference: first | (items.len() as u32) << NODE_COUNT_SHIFT }
-    }
-
-    fn child(&mut self, items: &mut [Item], depth: u32) -> Child {
-        let Some(middle) = split(items, depth) else { return self.leaf(items) };
-        let bounds = items.iter().fold(Aabb::EMPTY, |b, item| b.union(item.bounds));
-        let index = self.nodes.len() as u32;
+    /// The reference of a node about two items or more.
+    fn node(&mut self, items: &mut [Item], depth: u32) -> Reference {
+        let index = self.nodes.len();
+        self.levels = self.levels.max(depth + 1);
         self.nodes.push(Node::default());
-        let (left, right) = items.split_at_mut(middle);
-        let children = [self.child(left, depth + 1), self.child(right, depth + 1)];
-        self.set(index, children);
-        Child { bounds, reference: index }
+        let (groups, axis) = groups(items, depth);
+        let mut children = Vec::with_capacity(WIDTH);
+        for Group { items, bounds } in groups {
+            children.push(match items {
+                [only] => *only,
+                several => Item::new(bounds, self.node(several, depth + 1)),
+            });
+        }
+        self.finish(index, &children, axis)
     }
 
-    fn set(&mut self, index: u32, [a, b]: [Child; 2]) {
-        self.nodes[index as usize] = Node {
-            box0: self.grid.lines(a.bounds),
-            child0: a.reference,
-            box1: self.grid.lines(b.bounds),
-            child1: b.reference,
-        };
+    /// Writes a node and returns its reference.
+    fn finish(&mut self, index: usize, children: &[Item], axis: u32) -> Reference {
+        // A box of one point where there is no child.
+        let mut lines = [[u32::MAX; WIDTH]; 3];
+        let mut references = [Reference::Nothing.word(); WIDTH];
+        for (i, child) in children.iter().enumerate() {
+            let of_child = self.grid.lines(child.bounds);
+            (0..3).for_each(|axis| lines[axis][i] = of_child[axis]);
+            references[i] = child.reference;
+        }
+        let [x, y, z] = lines;
+        let node = Node { x, y, z, children: references };
+        match self.nodes.get_mut(index) {
+            Some(place) => *place = node,
+            None => self.nodes.push(node),
+        }
+        Reference::Node(index as u32, axis)
     }
 }
 
-/// Index and number of primitives of a node's child.
-pub fn child_of(reference: u32) -> (u32, u32) {
-    (reference & ((1 << NODE_COUNT_SHIFT) - 1), reference >> NODE_COUNT_SHIFT)
+fn bounds(items: &[Item]) -> Aabb {
+    items.iter().fold(Aabb::EMPTY, |b, item| b.union(item.bounds))
+}
+
+/// What becomes a child of a node.
+struct Group<'a> {
+    items: &'a mut [Item],
+    bounds: Aabb,
+}
+
+impl<'a> Group<'a> {
+    fn new(items: &'a mut [Item]) -> Self {
+        Self { bounds: bounds(items), items }
+    }
+}
+
+/// The items of a node by children, and the axis along which these are sorted. The largest group is split until there are
+/// enough.
+fn groups(items: &mut [Item], depth: u32) -> (Vec<Group<'_>>, u32) {
+    let size = |group: &Group<'_>| match depth {
+        HALVE_FROM_DEPTH.. => group.items.len() as f64,
+        _ => group.bounds.half_area(),
+    };
+    let mut groups = vec![Group::new(items)];
+    while groups.len() < WIDTH {
+        let open = groups.iter().enumerate().filter(|(_, group)| group.items.len() > 1);
+        let Some((largest, _)) = open.max_by(|(_, a), (_, b)| size(a).total_cmp(&size(b))) else { break };
+        let Group { items, .. } = groups.swap_remove(largest);
+        let middle = split(items, depth);
+        groups.extend(<[_; 2]>::from(items.split_at_mut(middle)).map(Group::new));
+    }
+    let spread = Aabb::around(groups.iter().map(|group| group.bounds.centre()));
+    let axis = (spread.upper - spread.lower).max_position();
+    groups.sort_by(|a, b| a.bounds.centre()[axis].total_cmp(&b.bounds.centre()[axis]));
+    (groups, axis as u32)
+}
+
+/// What rays can hit, by its index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Primitive {
+    /// A triangle.
+    Triangle(u32),
+    /// A quadric.
+    Quadric(u32),
+}
+
+/// What a reference means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reference {
+    /// Index of a node and the axis along which its children are sorted.
+    Node(u32, u32),
+    /// A primitive.
+    Primitive(Primitive),
+    /// Nothing is there.
+    Nothing,
+}
+
+impl Reference {
+    /// From its word.
+    pub fn read(word: u32) -> Self {
+        let index = word & ((1 << REFERENCE_SHIFT) - 1);
+        match word >> REFERENCE_SHIFT {
+            axis if axis < REFERENCE_NOTHING => Self::Node(index, axis),
+            REFERENCE_TRIANGLE => Self::Primitive(Primitive::Triangle(index)),
+            REFERENCE_QUADRIC => Self::Primitive(Primitive::Quadric(index)),
+            _ => Self::Nothing,
+        }
+    }
+
+    /// Its word.
+    pub fn word(self) -> u32 {
+        match self {
+            Self::Node(index, axis) => index | axis << REFERENCE_SHIFT,
+            Self::Primitive(Primitive::Triangle(index)) => index | REFERENCE_TRIANGLE << REFERENCE_SHIFT,
+            Self::Primitive(Primitive::Quadric(index)) => index | REFERENCE_QUADRIC << REFERENCE_SHIFT,
+            Self::Nothing => REFERENCE_NOTHING << REFERENCE_SHIFT,
+        }
+    }
 }
 
 /// Most primitives and most nodes that references can name.
-pub const MAX_PRIMITIVES: usize = 1 << NODE_COUNT_SHIFT;
+pub const MAX_PRIMITIVES: usize = 1 << REFERENCE_SHIFT;
 
-/// Reorders items and says where to cut, or `None` for a leaf.
-fn split(items: &mut [Item], depth: u32) -> Option<usize> {
-    if items.len() <= LEAF_SIZE {
-        return None;
-    }
+/// Reorders two items or more and says where to cut.
+fn split(items: &mut [Item], depth: u32) -> usize {
     let halves = items.len() / 2;
     let centres = Aabb::around(items.iter().map(|item| item.centre));
     let extent = centres.upper - centres.lower;
     if depth >= HALVE_FROM_DEPTH || extent.max_element() <= 0.0 {
-        return (items.len() > MAX_LEAF_SIZE).then_some(halves);
+        return halves;
     }
-    let bounds = items.iter().fold(Aabb::EMPTY, |b, item| b.union(item.bounds));
     let mut best: Option<(f64, usize, usize)> = None;
     for axis in 0..3 {
         if extent[axis] <= 0.0 {
@@ -224,11 +294,7 @@ fn split(items: &mut [Item], depth: u32) -> Option<usize> {
             }
         }
     }
-    let (cost, axis, bin) = best?;
-    let leaf_cost = bounds.half_area() * (items.len() as f64 - NODE_COST);
-    if items.len() <= MAX_LEAF_SIZE && cost >= leaf_cost {
-        return None;
-    }
+    let Some((_, axis, bin)) = best else { return halves };
     let (lower, width) = (centres.lower[axis], extent[axis]);
     let mut middle = 0;
     for i in 0..items.len() {
@@ -237,7 +303,7 @@ fn split(items: &mut [Item], depth: u32) -> Option<usize> {
             middle += 1;
         }
     }
-    Some(middle)
+    middle
 }
 
 fn bin_of(centre: f64, lower: f64, width: f64) -> usize {
@@ -259,32 +325,31 @@ mod tests {
                     Aabb { lower: p, upper: p + 0.01 }
                 })
                 .collect();
-            let names: Vec<u32> = (0..n as u32).collect();
-            let (mut nodes, mut order) = (Vec::new(), Vec::new());
-            let tree = build(&boxes, &names, &mut nodes, &mut order).expect("there are primitives");
+            let named: Vec<_> = (0..).zip(&boxes).map(|(i, b)| (*b, Primitive::Quadric(i))).collect();
+            let mut nodes = Vec::new();
+            let tree = build(&named, &mut nodes).expect("there are primitives");
             let mut seen = vec![0; n];
-            let mut stack = vec![(tree.root, 1)];
-            while let Some((node, depth)) = stack.pop() {
-                assert!(depth < STACK_SIZE);
+            let mut stack = vec![tree.root];
+            while let Some(word) = stack.pop() {
+                let Reference::Node(node, _) = Reference::read(word) else { panic!("only nodes are put there") };
                 let node = nodes[node as usize];
-                for (lines, reference) in [(node.box0, node.child0), (node.box1, node.child1)] {
-                    let (child, count) = child_of(reference);
-                    for &name in &order[child as usize..][..count as usize] {
-                        seen[name as usize] += 1;
-                        let b = boxes[name as usize];
-                        for (axis, line) in lines.into_iter().enumerate() {
-                            let at = |line: u32| f64::from(line) / tree.grid.scale[axis] + tree.grid.lower[axis];
-                            assert!(at(line & 0xffff) < b.lower[axis] && at(line >> 16) > b.upper[axis]);
+                for i in 0..WIDTH {
+                    match Reference::read(node.children[i]) {
+                        Reference::Node(..) => stack.push(node.children[i]),
+                        Reference::Primitive(Primitive::Quadric(name)) => {
+                            seen[name as usize] += 1;
+                            let b = boxes[name as usize];
+                            for (axis, line) in [node.x[i], node.y[i], node.z[i]].into_iter().enumerate() {
+                                let at = |line: u32| f64::from(line) / tree.grid.scale[axis] + tree.grid.lower[axis];
+                                assert!(at(line & 0xffff) < b.lower[axis] && at(line >> 16) > b.upper[axis]);
+                            }
                         }
-                    }
-                    if count == 0 {
-                        stack.push((child, depth + 1));
+                        other => assert_eq!(other, Reference::Nothing),
                     }
                 }
+                assert!(stack.len() < tree.stack as usize && tree.stack <= STACK_SIZE);
             }
-            // The only primitive is in both children of the root.
-            let times = if n == 1 { 2 } else { 1 };
-            assert!(seen.iter().all(|&t| t == times), "{n} primitives: {seen:?}");
+            assert!(seen.iter().all(|&times| times == 1), "{n} primitives: {seen:?}");
         }
     }
 }

@@ -250,6 +250,7 @@ impl Plan {
             eyes: (self.purpose != Purpose::Picture).into(),
             listed: (self.purpose == Purpose::Eyes { listed: true }).into(),
             heat: self.heat.and_then(Heat::counter).map_or(0, |counter| counter + 1),
+            together: 0,
         }
     }
 }

@@ -84,6 +84,8 @@ pub(super) struct Found {
     pub portability: bool,
     /// Shaders can read a clock (`VK_KHR_shader_clock`).
     pub clock: bool,
+    /// Invocations of a subgroup.
+    pub subgroup_size: u32,
     /// Limits of ray tracing, where the device has it.
     pub rt: RtLimits,
     /// The driver's own mark of its build, for pipeline caches.
@@ -120,6 +122,14 @@ pub struct RtLimits {
     pub reorder: bool,
 }
 
+/// What compute shaders do with the invocations of a subgroup.
+const SUBGROUP_OPERATIONS: vk::SubgroupFeatureFlags = vk::SubgroupFeatureFlags::from_raw(
+    vk::SubgroupFeatureFlags::BASIC.as_raw()
+        | vk::SubgroupFeatureFlags::VOTE.as_raw()
+        | vk::SubgroupFeatureFlags::ARITHMETIC.as_raw()
+        | vk::SubgroupFeatureFlags::BALLOT.as_raw(),
+);
+
 impl fmt::Display for DeviceInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (major, minor, patch) = self.api_version;
@@ -131,6 +141,11 @@ impl DeviceInfo {
     /// Limits of ray tracing; zeros where the device has none.
     pub fn rt(&self) -> RtLimits {
         self.found.rt
+    }
+
+    /// Invocations of a subgroup.
+    pub fn subgroup_size(&self) -> u32 {
+        self.found.subgroup_size
     }
 
     /// Whether shaders can tell how long they take (`VK_KHR_shader_clock`).
@@ -232,13 +247,14 @@ pub(super) fn describe(
     let reorder_extension = rt_extensions && has(REORDER_EXTENSION);
 
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
+    let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
     let mut features = Features::default();
     let mut rt_pipeline = vk::PhysicalDeviceRayTracingPipelinePropertiesKHR::default();
     let mut rt_structure = vk::PhysicalDeviceAccelerationStructurePropertiesKHR::default();
     // Structures of Vulkan 1.2 and of extensions may only be chained where the device knows them.
     let modern = api_version >= (1, 2, 0);
     if modern {
-        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
+        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver).push_next(&mut subgroup);
         if rt_extensions {
             properties = properties.push_next(&mut rt_pipeline).push_next(&mut rt_structure);
         }
@@ -280,6 +296,12 @@ pub(super) fn describe(
     require(modern, "Vulkan 1.2");
     require(!modern || features.scalar.scalar_block_layout == vk::TRUE, "scalarBlockLayout");
     require(family.is_some(), "a compute queue");
+    require(
+        !modern
+            || subgroup.supported_operations.contains(SUBGROUP_OPERATIONS)
+                && subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE),
+        "ballot, vote and arithmetic of subgroups in compute shaders",
+    );
     require(
         limits.max_per_stage_descriptor_storage_buffers.min(limits.max_descriptor_set_storage_buffers) >= buffers,
         &format!("{buffers} storage buffers per stage"),
@@ -328,6 +350,7 @@ pub(super) fn describe(
             timestamp_bits: family.map_or(0, |f| families[f].timestamp_valid_bits),
             timestamp_period: limits.timestamp_period,
             clock: clock_extension && features.clock.shader_subgroup_clock == vk::TRUE,
+            subgroup_size: subgroup.subgroup_size,
             portability: has(ash::khr::portability_subset::NAME),
             rt: RtLimits {
                 recursion_depth: rt_pipeline.max_ray_recursion_depth,

@@ -5,7 +5,7 @@ pub mod walker;
 
 use super::{
     RenderError,
-    device::{Device, DeviceBackend, Tracer, pack},
+    device::{Device, DeviceBackend, Scratch, Tracer, pack},
     plan::{Feature, Heat},
     world::World,
 };
@@ -13,7 +13,7 @@ use crate::{
     geometry::GeometryId,
     shader_io::{Dispatch, GROUP_HEIGHT, GROUP_WIDTH, LIST_WIDTH, Specialization, binding},
     vulkan::{
-        Tier, VulkanError,
+        DeviceInfo, DeviceKind, Tier, VulkanError,
         descriptor::{Bound, BufferSet, Layout},
         record::Recorder,
         shader::{ComputePipeline, ComputeShader},
@@ -54,14 +54,17 @@ impl Tracer for Compute {
         let bound = device.upload(&[
             (binding::cells, "cells", cast_slice(&cells)),
             (binding::nodes, "nodes", cast_slice(&hierarchy.nodes)),
-            (binding::primitives, "primitives", cast_slice(&hierarchy.primitives)),
             (binding::triangles, "triangles", cast_slice::<crate::shader_io::Triangle, u8>(&triangles)),
             (binding::triangle_shading, "triangle shading", cast_slice(shading)),
             (binding::quadric_surfaces, "quadrics", cast_slice(&quadrics)),
             (binding::quadric_shading, "quadric shading", cast_slice(&quadric_shading)),
         ])?;
         let entry = if world.plan.heat == Some(Heat::Time) { "path_clock.comp" } else { "path.comp" };
-        let variant = (world.geometry, world.plan.specialization(), entry);
+        // Software runs a subgroup in lockstep, as the lanes of a vector: what all of them read costs one load. Few sizes of
+        // stacks, so that pipelines fit one world after the other.
+        let software = device.context.info().kind == DeviceKind::Cpu;
+        let together = if software { hierarchy.stack.next_power_of_two().max(16) } else { 0 };
+        let variant = (world.geometry, Specialization { together, ..world.plan.specialization() }, entry);
         let tracer = match last.filter(|last| last.variant == variant) {
             Some(last) => last,
             None => Self {
@@ -78,6 +81,13 @@ impl Tracer for Compute {
             },
         };
         Ok((tracer, bound))
+    }
+
+    fn scratch(&self, device: &DeviceInfo, [width, height, eyes]: [u32; 3]) -> Option<Scratch> {
+        let groups = [width.div_ceil(GROUP_WIDTH), height.div_ceil(GROUP_HEIGHT), eyes].map(u64::from);
+        let subgroups = u64::from((GROUP_WIDTH * GROUP_HEIGHT).div_ceil(device.subgroup_size().max(1)));
+        let bytes = groups.iter().product::<u64>() * subgroups * u64::from(self.variant.1.together) * 4;
+        (bytes > 0).then_some(Scratch { binding: binding::stacks, name: "stacks", bytes })
     }
 
     fn layout(&self) -> &Layout {

@@ -4,9 +4,12 @@ use super::traverse::Tracer;
 use crate::{
     geometry::{Geometry, Quadric, Segment},
     integrate::{Dense, Method},
-    render::world::{World, WorldQuadric},
+    render::{
+        bvh::Primitive,
+        world::{World, WorldQuadric},
+    },
     scene::{Shading, Texture, Wrap, coordinate_ramp},
-    shader_io::{QUADRIC_BIT, TriangleShading},
+    shader_io::TriangleShading,
     space::{
         stepped,
         walk::{Path, Status},
@@ -230,24 +233,28 @@ impl<G: Geometry> Tracer<'_, G> {
     }
 
     /// Moves the path's state to the hit and reads the surface there.
-    pub(super) fn stage_closest_hit(&self, path: &mut Path, segment: Segment, reference: u32) -> Surface {
-        let is_quadric = reference & QUADRIC_BIT != 0;
-        let (s, mut weights) = if is_quadric {
-            (quadric_hit(segment, self.quadric(reference)), DVec2::ZERO)
-        } else {
-            triangle_hit::<G>(segment, self.meshes.triangles[reference as usize])
+    pub(super) fn stage_closest_hit(&self, path: &mut Path, segment: Segment, primitive: Primitive) -> Surface {
+        let quadric = |index: u32| &self.world.quadrics[index as usize];
+        let corners = |index: u32| self.meshes.triangles[index as usize];
+        let (s, mut weights) = match primitive {
+            Primitive::Quadric(index) => (quadric_hit(segment, quadric(index)), DVec2::ZERO),
+            Primitive::Triangle(index) => triangle_hit::<G>(segment, corners(index)),
         };
 
         // The state at the hit, on the geodesic itself.
         let (mut at, tangent) = (segment.at(s), segment.tangent(s));
         let u = if G::STRAIGHT && self.uses.method == Method::Exact {
             self.geometry.parameter(path.state, at)
-        } else if is_quadric {
-            // The point that the segment meets is where the curve passes the plane through it, across.
-            self.refined(path, segment, (segment.direction, at), s)
         } else {
-            let [a, b, c] = self.meshes.triangles[reference as usize];
-            self.refined(path, segment, ((b - a).cross(c - a), a), s)
+            let plane = match primitive {
+                // The point that the segment meets is where the curve passes the plane through it, across.
+                Primitive::Quadric(_) => (segment.direction, at),
+                Primitive::Triangle(index) => {
+                    let [a, b, c] = corners(index);
+                    ((b - a).cross(c - a), a)
+                }
+            };
+            self.refined(path, segment, plane, s)
         };
         path.status = Status::Hit;
         match self.step_of(path) {
@@ -261,23 +268,25 @@ impl<G: Geometry> Tracer<'_, G> {
             at = self.geometry.chart(path.state.point);
         }
 
-        let (conormal, away, material, object, uv) = if is_quadric {
-            let quadric = self.quadric(reference);
-            let conormal = quadric.surface.gradient(at);
-            (conormal, conormal.dot(tangent) > 0.0, quadric.material, quadric.object, DVec2::ZERO)
-        } else {
-            let corners = self.meshes.triangles[reference as usize];
-            let shading = &self.meshes.shading[reference as usize];
-            if !G::STRAIGHT {
-                weights = triangle_weights(corners, at);
+        let (conormal, away, material, object, uv) = match primitive {
+            Primitive::Quadric(index) => {
+                let quadric = quadric(index);
+                let conormal = quadric.surface.gradient(at);
+                (conormal, conormal.dot(tangent) > 0.0, quadric.material, quadric.object, DVec2::ZERO)
             }
-            let [a, b, c] =
-                [shading.conormal_a, shading.conormal_b, shading.conormal_c].map(|n| Vec3::from(n).as_dvec3());
-            let conormal = a + (b - a) * weights.x + (c - a) * weights.y;
-            // Which side is seen follows from the plane of the triangle, not from the interpolated normal.
-            let plane = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-            let away = (plane.dot(tangent) > 0.0) == (plane.dot(conormal) > 0.0);
-            (conormal, away, shading.material, shading.object, uv_at(shading, weights))
+            Primitive::Triangle(index) => {
+                let (corners, shading) = (corners(index), &self.meshes.shading[index as usize]);
+                if !G::STRAIGHT {
+                    weights = triangle_weights(corners, at);
+                }
+                let [a, b, c] =
+                    [shading.conormal_a, shading.conormal_b, shading.conormal_c].map(|n| Vec3::from(n).as_dvec3());
+                let conormal = a + (b - a) * weights.x + (c - a) * weights.y;
+                // Which side is seen follows from the plane of the triangle, not from the interpolated normal.
+                let plane = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+                let away = (plane.dot(tangent) > 0.0) == (plane.dot(conormal) > 0.0);
+                (conormal, away, shading.material, shading.object, uv_at(shading, weights))
+            }
         };
 
         let conormal = if away { -conormal } else { conormal };

@@ -9,18 +9,18 @@ use crate::{
     integrate::Method,
     render::{
         Shot,
-        bvh::{Tree, child_of},
+        bvh::{Grid, Primitive, Reference, Tree},
         plan::{Feature, Heat},
-        world::{World, WorldQuadric, hierarchy::Hierarchy, meshes::Meshes},
+        world::{World, hierarchy::Hierarchy, meshes::Meshes},
     },
     scene::Shading,
-    shader_io::{COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, QUADRIC_BIT, SHADOW_BOUNCES, STACK_SIZE},
+    shader_io::{COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, Node, SHADOW_BOUNCES, STACK_SIZE},
     space::{
         stepped,
         walk::{Follow, Path, Status, stage_segment, stage_transport},
     },
 };
-use glam::DVec3;
+use glam::{DVec3, Vec3, Vec4};
 
 /// Everything that tracing reads: the world, the plan's switches, the shot.
 pub struct Tracer<'a, G> {
@@ -143,110 +143,113 @@ impl<'a, G: Geometry> Tracer<'a, G> {
         }
     }
 
-    /// Nearest hit at s ≤ `s_end` among the primitives of a leaf.
-    fn leaf_hits(
-        &self,
-        segment: Segment,
-        leaf: std::ops::Range<usize>,
-        s_end: &mut f64,
-        hit: &mut Option<u32>,
-        counts: &mut Counts,
-    ) {
-        for &reference in &self.hierarchy.primitives[leaf] {
-            let s = if reference & QUADRIC_BIT != 0 {
+    /// Where the segment meets a primitive; holes only matter before `s_end`.
+    fn meet(&self, segment: Segment, primitive: Primitive, s_end: f64, counts: &mut Counts) -> f64 {
+        match primitive {
+            Primitive::Quadric(index) => {
                 self.count(counts, COUNT_QUADRICS);
-                quadric_hit(segment, self.quadric(reference))
-            } else {
+                quadric_hit(segment, &self.world.quadrics[index as usize])
+            }
+            Primitive::Triangle(index) => {
                 self.count(counts, COUNT_TRIANGLES);
-                let (s, weights) = triangle_hit::<G>(segment, self.meshes.triangles[reference as usize]);
-                let hole = self.uses.alpha_mask
-                    && s < *s_end
-                    && is_hole(self.world, &self.meshes.shading[reference as usize], weights);
+                let (s, weights) = triangle_hit::<G>(segment, self.meshes.triangles[index as usize]);
+                let shading = || &self.meshes.shading[index as usize];
+                let hole = self.uses.alpha_mask && s < s_end && is_hole(self.world, shading(), weights);
                 if hole { NO_HIT } else { s }
-            };
-            if s < *s_end {
-                *s_end = s;
-                *hit = Some(reference);
             }
         }
     }
 
-    pub(super) fn quadric(&self, reference: u32) -> &WorldQuadric {
-        &self.world.quadrics[(reference & !QUADRIC_BIT) as usize]
-    }
-
     /// Walks the hierarchy front to back and returns the primitive hit; with `any_hit` the first one found will do.
-    fn traverse(&self, segment: Segment, tree: Option<Tree>, any_hit: bool, counts: &mut Counts) -> Option<u32> {
+    fn traverse(&self, segment: Segment, tree: Option<Tree>, any_hit: bool, counts: &mut Counts) -> Option<Primitive> {
         let mut hit = None;
         if !(self.uses.meshes || self.uses.quadrics) {
             return hit;
         }
-        let Tree { root, grid } = tree?;
-        let mut current = root;
-        // The segment in units of the grid. A zero component would make 0 · ∞ = NaN at a box face; a tiny one behaves
-        // as a parallel ray.
-        let origins = box_origins::<G>(segment, grid.lower, grid.scale);
-        let direction = segment.direction * grid.scale;
-        let reciprocal = direction.to_array().map(|d| if d.abs() < 1e-20 { 1e20 } else { 1.0 / d }).into();
+        let Tree { root, grid, .. } = tree?;
+        let slabs = Slabs::new::<G>(segment, grid);
         let mut s_end = 1.0 + 1e-12;
         let mut stack = [0_u32; STACK_SIZE as usize];
         let mut depth = 0;
-        loop {
-            let node = &self.hierarchy.nodes[current as usize];
+        let mut next = root;
+        while let Reference::Node(index, axis) = Reference::read(next) {
+            let node = &self.hierarchy.nodes[index as usize];
             self.count(counts, COUNT_NODES);
-            let mut s0 = box_entry(node.box0, origins, reciprocal, s_end);
-            let mut s1 = box_entry(node.box1, origins, reciprocal, s_end);
-            let (child0, count0) = child_of(node.child0);
-            let (child1, count1) = child_of(node.child1);
-            if s0 != NO_HIT && count0 > 0 {
-                self.leaf_hits(segment, child0 as usize..(child0 + count0) as usize, &mut s_end, &mut hit, counts);
-                s0 = NO_HIT;
+            let entered = slabs.entered(node, s_end);
+            let from_last = slabs.negative[axis as usize];
+            next = Reference::Nothing.word();
+            // Nodes from the far to the near ones, so that the nearest is on top; then primitives from near to far.
+            for i in 0..4 {
+                let i = if from_last { i } else { 3 - i };
+                if entered[i] && matches!(Reference::read(node.children[i]), Reference::Node(..)) {
+                    if next != Reference::Nothing.word() {
+                        stack[depth] = next;
+                        depth += 1;
+                    }
+                    next = node.children[i];
+                }
             }
-            if s1 <= s_end && count1 > 0 {
-                self.leaf_hits(segment, child1 as usize..(child1 + count1) as usize, &mut s_end, &mut hit, counts);
-                s1 = NO_HIT;
+            for i in 0..4 {
+                let i = if from_last { 3 - i } else { i };
+                if !entered[i] {
+                    continue;
+                }
+                let Reference::Primitive(primitive) = Reference::read(node.children[i]) else { continue };
+                let s = self.meet(segment, primitive, s_end, counts);
+                if s < s_end {
+                    s_end = s;
+                    hit = Some(primitive);
+                }
             }
             if any_hit && hit.is_some() {
-                return hit;
+                break;
             }
-            match (s0 <= s_end, s1 <= s_end) {
-                (true, true) => {
-                    let (near, far) = if s1 < s0 { (child1, child0) } else { (child0, child1) };
-                    stack[depth] = far;
-                    depth += 1;
-                    current = near;
-                }
-                (true, false) => current = child0,
-                (false, true) => current = child1,
-                (false, false) if depth > 0 => {
-                    depth -= 1;
-                    current = stack[depth];
-                }
-                (false, false) => return hit,
+            if next == Reference::Nothing.word() && depth > 0 {
+                depth -= 1;
+                next = stack[depth];
             }
         }
+        hit
     }
 }
 
-/// The segment's origin in units of the grid, for the lower and for the upper faces of boxes. An arc lies between its
-/// chord and the chord shifted by a quarter of the bend, so a box that is as much larger to the other side is entered by
-/// the chord no later than the box is by the arc.
-fn box_origins<G: Geometry>(segment: Segment, lower: DVec3, scale: DVec3) -> [DVec3; 2] {
-    let origin = (segment.origin - lower) * scale;
-    if G::STRAIGHT {
-        return [origin; 2];
-    }
-    let bulge = segment.bend * scale * 0.25;
-    [origin + bulge.max(DVec3::ZERO), origin + bulge.min(DVec3::ZERO)]
+/// A segment in units of a grid, to be compared with the boxes of nodes, in f32.
+struct Slabs {
+    /// Origins for lower and for upper faces: an arc lies between its chord and the chord shifted by a quarter of the bend,
+    /// so a box that is as much larger to the other side is entered by the chord no later than the box is by the arc.
+    origins: [Vec3; 2],
+    reciprocal: Vec3,
+    /// Whether the segment goes down along an axis.
+    negative: [bool; 3],
 }
 
-/// Entry of a segment into a box, in s, or [`NO_HIT`] if it does not enter before `s_end`. All in units of the grid.
-fn box_entry(lines: [u32; 3], [for_lower, for_upper]: [DVec3; 2], reciprocal: DVec3, s_end: f64) -> f64 {
-    let low = lines.map(|line| f64::from(line & 0xffff));
-    let high = lines.map(|line| f64::from(line >> 16));
-    let a = (DVec3::from(low) - for_lower) * reciprocal;
-    let b = (DVec3::from(high) - for_upper) * reciprocal;
-    let enter = a.min(b).max_element().max(0.0);
-    let leave = a.max(b).min_element().min(s_end);
-    if enter <= leave { enter } else { NO_HIT }
+impl Slabs {
+    fn new<G: Geometry>(segment: Segment, grid: Grid) -> Self {
+        let origin = (segment.origin - grid.lower) * grid.scale;
+        let bulge = if G::STRAIGHT { DVec3::ZERO } else { segment.bend * grid.scale * 0.25 };
+        let origins = [origin + bulge.max(DVec3::ZERO), origin + bulge.min(DVec3::ZERO)].map(|o| o.as_vec3());
+        let direction = (segment.direction * grid.scale).to_array();
+        // A zero component would make 0 · ∞ = NaN at a box face; a tiny one behaves as a parallel ray.
+        let reciprocal = direction.map(|d| if d.abs() < 1e-20 { 1e20 } else { (1.0 / d) as f32 });
+        Self { origins, reciprocal: reciprocal.into(), negative: direction.map(|d| d < 0.0) }
+    }
+
+    /// Which boxes of a node the segment enters before `s_end`.
+    fn entered(&self, node: &Node, s_end: f64) -> [bool; 4] {
+        let [for_lower, for_upper] = self.origins;
+        let mut enter = Vec4::ZERO;
+        let mut leave = Vec4::splat(s_end as f32);
+        for (axis, lines) in [node.x, node.y, node.z].into_iter().enumerate() {
+            let low = Vec4::from(lines.map(|line| (line & 0xffff) as i32 as f32));
+            let high = Vec4::from(lines.map(|line| (line >> 16) as i32 as f32));
+            let a = (low - for_lower[axis]) * self.reciprocal[axis];
+            let b = (high - for_upper[axis]) * self.reciprocal[axis];
+            enter = enter.max(a.min(b));
+            leave = leave.min(a.max(b));
+        }
+        enter.cmple(leave * SLAB_SLACK).into()
+    }
 }
+
+/// Share by which boxes are left later than computed: the rounding of both ends (Ize: Robust BVH ray traversal, 2013).
+const SLAB_SLACK: f32 = 1.0 + 4.0 * f32::EPSILON;

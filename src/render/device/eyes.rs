@@ -221,7 +221,8 @@ impl<T: Tracer> DeviceBackend<T> {
             Some(set) => set,
             None => {
                 let bound = canvas.bound();
-                let set = loaded.set(&self.device, &self.null, &bound)?;
+                let [width, height] = canvas.layout.size;
+                let (set, _) = loaded.set(&self.device, &self.null, &bound, [width, height, 2])?;
                 loaded.eyes.insert(set)
             }
         };

@@ -26,7 +26,7 @@ use super::{
 use crate::{
     shader_io::{self, BINDINGS, Dispatch, View, binding},
     vulkan::{
-        Context, Tier, VulkanError,
+        Context, DeviceInfo, Tier, VulkanError,
         command::Submitter,
         descriptor::{Bound, BufferSet, Layout},
         memory::{Buffer, Direction, HostBuffer},
@@ -142,9 +142,9 @@ pub trait Tracer: Debug + Sized {
         eyes: u32,
     ) -> Result<(), VulkanError>;
 
-    /// Bytes that it needs for each pixel of a launch, as the array `bends`.
-    fn bytes_per_pixel(&self) -> u64 {
-        0
+    /// What a launch needs for itself, at most so many pixels across and down for so many eyes.
+    fn scratch(&self, _device: &DeviceInfo, _launch: [u32; 3]) -> Option<Scratch> {
+        None
     }
 
     /// Bytes of what it holds besides the bound buffers.
@@ -156,6 +156,17 @@ pub trait Tracer: Debug + Sized {
     fn structures(&self) -> Option<StructureStats> {
         None
     }
+}
+
+/// An array that only shaders read and write.
+#[derive(Clone, Copy, Debug)]
+pub struct Scratch {
+    /// Where it is bound.
+    pub binding: u32,
+    /// Its name in errors.
+    pub name: &'static str,
+    /// Its size.
+    pub bytes: u64,
 }
 
 /// Draws on a Vulkan device.
@@ -189,9 +200,13 @@ struct Loaded<T> {
 /// What depends on the picture's size; kept from one picture to the next of the same size.
 #[derive(Debug)]
 struct Canvas {
+    /// Pixels across and down.
+    size: [u32; 2],
     pixels: Arc<Buffer>,
     readback: HostBuffer,
     set: BufferSet,
+    /// Bytes of what launches need for themselves.
+    scratch: u64,
 }
 
 impl<T: Tracer> DeviceBackend<T> {
@@ -319,13 +334,19 @@ fn fill_up(bound: &mut Vec<Bound>, null: &Arc<Buffer>) {
 }
 
 impl<T: Tracer> Loaded<T> {
-    /// What the tracer's shaders read and write: the world, and the buffers of a picture.
-    fn set(&self, device: &Device, null: &Arc<Buffer>, picture: &[Bound]) -> Result<BufferSet, VulkanError> {
+    /// What the tracer's shaders read and write: the world, and the buffers of a picture with launches of at most so many
+    /// pixels across and down, for so many eyes. With it the bytes of what launches need for themselves.
+    fn set(
+        &self,
+        device: &Device,
+        null: &Arc<Buffer>,
+        picture: &[Bound],
+        launch: [u32; 3],
+    ) -> Result<(BufferSet, u64), VulkanError> {
         let mut bound = self.scene.clone();
-        let pixels = picture.iter().find(|b| b.binding == binding::pixels).map_or(0, |b| b.bytes / PIXEL_BYTES);
-        let bends = pixels * self.tracer.bytes_per_pixel();
-        if bends > 0 {
-            bound.push(Bound::whole(binding::bends, &Arc::new(Buffer::new(&device.context, "bends", bends)?)));
+        let scratch = self.tracer.scratch(device.context.info(), launch);
+        if let Some(Scratch { binding, name, bytes }) = scratch {
+            bound.push(Bound::whole(binding, &Arc::new(Buffer::new(&device.context, name, bytes)?)));
         }
         bound.push(Bound::whole(binding::view, &self.view));
         bound.extend_from_slice(picture);
@@ -333,14 +354,14 @@ impl<T: Tracer> Loaded<T> {
             bound.push(Bound::whole(binding::counts, counts));
         }
         fill_up(&mut bound, null);
-        BufferSet::new(self.tracer.layout(), &bound)
+        Ok((BufferSet::new(self.tracer.layout(), &bound)?, scratch.map_or(0, |scratch| scratch.bytes)))
     }
 
     /// Bytes of all buffers of the world and the picture.
     fn memory(&self, null: &Arc<Buffer>) -> u64 {
         let scene = self.scene.iter().map(|b| b.buffer.size());
         let counters = self.counters.as_ref().map_or(0, |(counts, readback)| counts.size() + readback.size());
-        let canvas = self.canvas.as_ref().map_or(0, |c| c.pixels.size() + c.readback.size());
+        let canvas = self.canvas.as_ref().map_or(0, |c| c.pixels.size() + c.readback.size() + c.scratch);
         scene.sum::<u64>() + self.tracer.memory() + null.size() + self.view.size() + counters + canvas
     }
 }
@@ -359,7 +380,7 @@ struct Picture<'a, T: Tracer> {
 impl<T: Tracer> Picture<'_, T> {
     fn draw(&mut self, bands: &Bands, target: &mut Target) -> Result<(), VulkanError> {
         let [width, height] = self.shot.size;
-        let mut canvas = self.canvas(bands.pixels())?;
+        let mut canvas = self.canvas(bands.largest())?;
         target.pixels.clear();
         target.pixels.reserve_exact(width as usize * height as usize);
         for rows in bands.iter() {
@@ -376,25 +397,25 @@ impl<T: Tracer> Picture<'_, T> {
         Ok(())
     }
 
-    /// Buffers for so many pixels, the last picture's if they fit exactly.
-    fn canvas(&mut self, pixels: u64) -> Result<Canvas, VulkanError> {
-        let bytes = pixels * PIXEL_BYTES;
+    /// Buffers for so many pixels across and down, the last picture's if they fit exactly.
+    fn canvas(&mut self, size: [u32; 2]) -> Result<Canvas, VulkanError> {
         match self.loaded.canvas.take() {
-            Some(canvas) if canvas.pixels.size() == bytes => return Ok(canvas),
+            Some(canvas) if canvas.size == size => return Ok(canvas),
             // The old one goes before the new one comes.
             old => drop(old),
         }
-        let context = &self.backend.device.context;
-        let pixels = Arc::new(Buffer::new(context, "pixels", bytes)?);
-        let readback = HostBuffer::new(context, "pixels", bytes, Direction::Readback)?;
-        let set =
-            self.loaded.set(&self.backend.device, &self.backend.null, &[Bound::whole(binding::pixels, &pixels)])?;
+        let device = &self.backend.device;
+        let bytes = u64::from(size[0]) * u64::from(size[1]) * PIXEL_BYTES;
+        let pixels = Arc::new(Buffer::new(&device.context, "pixels", bytes)?);
+        let readback = HostBuffer::new(&device.context, "pixels", bytes, Direction::Readback)?;
+        let bound = [Bound::whole(binding::pixels, &pixels)];
+        let (set, scratch) = self.loaded.set(device, &self.backend.null, &bound, [size[0], size[1], 1])?;
         let tracer = &self.loaded.tracer;
         // Drivers that compile at a pipeline's first dispatch do it for this empty one, so that the time of tracing
         // is that of tracing.
         let nothing = Dispatch { origin: [0, 0], extent: [0, 0], offset: [0.5, 0.5], eye: 0 };
         self.backend.device.submitter.submit("compile", |r| tracer.trace(r, &set, &nothing, 1))?;
-        Ok(Canvas { pixels, readback, set })
+        Ok(Canvas { size, pixels, readback, set, scratch })
     }
 
     /// Draws all samples of some rows as a picture of their own, and brings the sums to the readback buffer.

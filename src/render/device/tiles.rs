@@ -32,9 +32,9 @@ impl Bands {
         (rows > 0 || size[1] == 0).then_some(Self { size, rows: rows.max(1) })
     }
 
-    /// Pixels of the largest band.
-    pub fn pixels(&self) -> u64 {
-        u64::from(self.size[0]) * u64::from(self.rows)
+    /// Pixels across and down of the largest band.
+    pub fn largest(&self) -> [u32; 2] {
+        [self.size[0], self.rows]
     }
 
     /// The rows of each band.

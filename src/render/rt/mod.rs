@@ -23,15 +23,17 @@ pub mod scene;
 
 use super::{
     RenderError, StructureStats,
-    device::{Device, DeviceBackend, Tracer},
+    device::{Device, DeviceBackend, Scratch, Tracer},
     plan::{Feature, Heat},
     world::World,
 };
 use crate::{
     geometry::GeometryId,
-    shader_io::{COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, Dispatch, LIST_WIDTH, Specialization, types::vec3},
+    shader_io::{
+        COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, Dispatch, LIST_WIDTH, Specialization, binding, types::vec3,
+    },
     vulkan::{
-        Context, Tier, VulkanError,
+        Context, DeviceInfo, Tier, VulkanError,
         descriptor::{Bound, BufferSet, Layout},
         record::Recorder,
         tracing::{
@@ -190,8 +192,10 @@ impl Tracer for Rt {
         recorder.trace(&self.pipeline, &self.table, set, tile, extent)
     }
 
-    fn bytes_per_pixel(&self) -> u64 {
-        if self.variant.geometry.is_straight() { 0 } else { size_of::<vec3>() as u64 }
+    fn scratch(&self, _: &DeviceInfo, launch: [u32; 3]) -> Option<Scratch> {
+        let pixels: u64 = launch.map(u64::from).iter().product();
+        let bytes = pixels * size_of::<vec3>() as u64;
+        (!self.variant.geometry.is_straight()).then_some(Scratch { binding: binding::bends, name: "bends", bytes })
     }
 
     fn memory(&self) -> u64 {

@@ -2,8 +2,8 @@
 
 use super::{Meshes, WorldQuadric};
 use crate::{
-    render::bvh::{self, Aabb, Tree},
-    shader_io::{Node, QUADRIC_BIT},
+    render::bvh::{self, Aabb, Primitive, Tree},
+    shader_io::Node,
     space::domain::Domain,
 };
 
@@ -12,8 +12,8 @@ use crate::{
 pub struct Hierarchy {
     /// Nodes (boxes on a grid, rounded outwards).
     pub nodes: Vec<Node>,
-    /// Primitive references in leaf order: a triangle's index, or a quadric's with `QUADRIC_BIT`.
-    pub primitives: Vec<u32>,
+    /// Entries that a stack needs to walk any of them.
+    pub stack: u32,
     /// For each cell, its hierarchy, if it has anything in it.
     pub trees: Vec<Option<Tree>>,
 }
@@ -23,16 +23,14 @@ impl Hierarchy {
     pub fn new(domain: &Domain, meshes: &Meshes, quadrics: &[WorldQuadric]) -> Self {
         let mut hierarchy = Self::default();
         for cell in 0..domain.cells.len() {
-            let (mut boxes, mut names) = (Vec::new(), Vec::new());
-            for index in meshes.inside(domain, cell) {
-                boxes.push(Aabb::around(meshes.triangles[index]));
-                names.push(index as u32);
-            }
-            for (index, quadric) in quadrics.iter().enumerate().filter(|(_, q)| q.cell == cell) {
-                boxes.push(quadric.bounds);
-                names.push(index as u32 | QUADRIC_BIT);
-            }
-            let tree = bvh::build(&boxes, &names, &mut hierarchy.nodes, &mut hierarchy.primitives);
+            let triangles = meshes
+                .inside(domain, cell)
+                .map(|index| (Aabb::around(meshes.triangles[index]), Primitive::Triangle(index as u32)));
+            let inside = quadrics.iter().enumerate().filter(|(_, quadric)| quadric.cell == cell);
+            let quadrics = inside.map(|(index, quadric)| (quadric.bounds, Primitive::Quadric(index as u32)));
+            let primitives: Vec<_> = triangles.chain(quadrics).collect();
+            let tree = bvh::build(&primitives, &mut hierarchy.nodes);
+            hierarchy.stack = hierarchy.stack.max(tree.map_or(0, |tree| tree.stack));
             hierarchy.trees.push(tree);
         }
         hierarchy

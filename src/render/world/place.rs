@@ -152,14 +152,19 @@ impl Balls<'_> {
             -1
         }
     }
+
+    /// Indices of those that reach into the cell of a copy.
+    pub fn inside<G: Geometry>(&self, geometry: G, domain: &Domain, copy: &Copy) -> impl Iterator<Item = usize> {
+        (0..self.centres.len()).filter(move |i| {
+            let centre = geometry.apply(&copy.isometry, at(self.centres[*i])).point;
+            domain.cells[copy.cell].clone().all(|f| self.side(geometry, centre, domain.faces[f].plane) <= 0)
+        })
+    }
 }
 
 impl<G: Geometry> Extent<G> for Balls<'_> {
     fn reaches_into(&self, geometry: G, domain: &Domain, copy: &Copy) -> bool {
-        self.centres.iter().any(|centre| {
-            let centre = geometry.apply(&copy.isometry, at(*centre)).point;
-            domain.cells[copy.cell].clone().all(|f| self.side(geometry, centre, domain.faces[f].plane) <= 0)
-        })
+        self.inside(geometry, domain, copy).next().is_some()
     }
 
     fn reaches_beyond(&self, geometry: G, domain: &Domain, copy: &Copy, face: usize) -> bool {

@@ -150,12 +150,17 @@ impl<G: Geometry> Builder<'_, G> {
                 let conormal = geometry.lower(g.point, g.velocity) * sign;
                 conormal.extend(-conormal.dot(geometry.chart(g.point)))
             };
-            let bounds = (0..=BALLS)
-                .filter_map(|i| geometry.ball(geometry.flow(start, spacing * i as f64).point, wide))
+            // Only the part inside the cell is met there.
+            let inside: Vec<usize> = extent.inside(geometry, &self.domain, &copy).collect();
+            let (Some(first), Some(last)) = (inside.first(), inside.last()) else { continue };
+            let at = |i: f64| geometry.flow(start, spacing * i);
+            let bounds = (*first..=*last)
+                .filter_map(|i| geometry.ball(at(i as f64).point, wide))
                 .map(|ball| ball_box(&ball))
                 .fold(Aabb::EMPTY, Aabb::union);
             let bounds = if bounds.lower.is_finite() && bounds.upper.is_finite() {
-                tube_box(geometry, start, length, radius).intersection(bounds)
+                let (from, to) = ((*first as f64 - 0.5).max(0.0), (*last as f64 + 0.5).min(BALLS as f64));
+                tube_box(geometry, at(from), spacing * (to - from), radius).intersection(bounds)
             } else {
                 bounds
             };
