@@ -347,7 +347,7 @@ struct GeodesicArgs {
     geometry: Option<String>,
     #[command(flatten)]
     start: GeodesicStart,
-    /// Number format, of the flow too; f64 on the cpu and f32 on the device if not given.
+    /// Number format of all that is computed along the way; f64 on the cpu and f32 on the device if not given.
     #[arg(long, value_enum)]
     precision: Option<Precision>,
     /// How geodesics are integrated.

@@ -109,10 +109,11 @@ impl Bench {
         }
     }
 
-    /// The backends that are there, with their devices.
+    /// The backends that are there and draw, with their devices.
     pub fn devices(&self) -> Vec<(On, String)> {
         let pictures = |on| match on {
-            On::Cpu | On::CpuSingle => self.cpu.as_ref(),
+            On::Cpu => self.cpu.as_ref(),
+            On::CpuSingle => None,
             On::Compute => self.compute.as_ref().map(|(_, pictures)| pictures),
             On::Rt => self.rt.as_ref(),
         };
@@ -165,7 +166,8 @@ impl Bench {
     ) -> Result<(Target, Stats), Trouble> {
         let scene = scene()?;
         let pictures = match on {
-            On::Cpu | On::CpuSingle => self.cpu.as_mut(),
+            On::Cpu => self.cpu.as_mut(),
+            On::CpuSingle => None,
             On::Compute => self.compute.as_mut().map(|(_, pictures)| pictures),
             On::Rt => self.rt.as_mut(),
         };
