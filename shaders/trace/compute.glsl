@@ -15,14 +15,14 @@
 #include "stage/mask.glsl"
 #include "stage/hit.glsl"
 
-// A segment in units of the grid. An arc lies between its chord and the chord shifted by a quarter of the bend, so a box
-// that is as much larger to the other side is entered by the chord no later than the box is by the arc: the origin is
-// another one for lower and for upper faces.
+// A segment in units of the grid: it passes line x of an axis at s = x reciprocal + lower, where a box begins, and + upper,
+// where one ends. An arc lies between its chord and the chord shifted by a quarter of the bend, so a box that is as much
+// larger to the other side is entered by the chord no later than the box is by the arc.
 struct Slabs {
-    vec3 for_lower;
-    vec3 for_upper;
     vec3 reciprocal;
-    uint negative; // one bit for each axis along which the segment goes down
+    vec3 lower;
+    vec3 upper;
+    uint down; // one bit for each axis along which the segment goes down
 };
 
 Slabs slabs_of(Segment segment, Cell cell) {
@@ -31,15 +31,16 @@ Slabs slabs_of(Segment segment, Cell cell) {
     vec3 direction = segment.direction * cell.grid_scale;
     // A zero component would make 0 * inf = NaN at a box face; a tiny one behaves as a parallel ray.
     direction = mix(direction, vec3(1e-20), lessThan(abs(direction), vec3(1e-20)));
-    uvec3 negative = uvec3(lessThan(direction, vec3(0.0)));
-    return Slabs(origin + max(bulge, vec3(0.0)), origin + min(bulge, vec3(0.0)), 1.0 / direction,
-                 negative.x | negative.y << 1u | negative.z << 2u);
+    vec3 reciprocal = 1.0 / direction;
+    uvec3 down = uvec3(lessThan(direction, vec3(0.0)));
+    return Slabs(reciprocal, -reciprocal * (origin + max(bulge, vec3(0.0))), -reciprocal * (origin + min(bulge, vec3(0.0))),
+                 down.x | down.y << 1u | down.z << 2u);
 }
 
 // Cuts [enter, leave] down to the slabs of four boxes along an axis.
-void slabs_cut(uvec4 lines, float for_lower, float for_upper, float reciprocal, inout vec4 enter, inout vec4 leave) {
-    vec4 a = (vec4(lines & 0xffffu) - for_lower) * reciprocal;
-    vec4 b = (vec4(lines >> 16u) - for_upper) * reciprocal;
+void slabs_cut(uvec4 lines, float reciprocal, float lower, float upper, inout vec4 enter, inout vec4 leave) {
+    vec4 a = fma(vec4(lines & 0xffffu), vec4(reciprocal), vec4(lower));
+    vec4 b = fma(vec4(lines >> 16u), vec4(reciprocal), vec4(upper));
     enter = max(enter, min(a, b));
     leave = min(leave, max(a, b));
 }
@@ -49,9 +50,9 @@ void slabs_cut(uvec4 lines, float for_lower, float for_upper, float reciprocal, 
 uint slabs_entered(Slabs slabs, Node node, float s_end) {
     vec4 enter = vec4(0.0);
     vec4 leave = vec4(s_end);
-    slabs_cut(node.x, slabs.for_lower.x, slabs.for_upper.x, slabs.reciprocal.x, enter, leave);
-    slabs_cut(node.y, slabs.for_lower.y, slabs.for_upper.y, slabs.reciprocal.y, enter, leave);
-    slabs_cut(node.z, slabs.for_lower.z, slabs.for_upper.z, slabs.reciprocal.z, enter, leave);
+    slabs_cut(node.x, slabs.reciprocal.x, slabs.lower.x, slabs.upper.x, enter, leave);
+    slabs_cut(node.y, slabs.reciprocal.y, slabs.lower.y, slabs.upper.y, enter, leave);
+    slabs_cut(node.z, slabs.reciprocal.z, slabs.lower.z, slabs.upper.z, enter, leave);
     uvec4 bits = mix(uvec4(0u), uvec4(1u, 2u, 4u, 8u), lessThanEqual(enter, leave * (1.0 + 5e-7)));
     return bits.x | bits.y | bits.z | bits.w;
 }
@@ -106,23 +107,24 @@ uint together_stack() {
 // what branches and loops change in vectors, and what they do not in scalars.
 uint traverse_cell(Segment segment, uint cell, bool any_hit) {
     uint found = IO_NONE;
-    uint next = io_cells[cell].root;
-    if (next == IO_NONE) return found;
+    uint root = io_cells[cell].root;
+    if (root == IO_NONE) return found;
     Slabs slabs = slabs_of(segment, io_cells[cell]);
-    uint negative = together_first(slabs.negative);
+    uint down = together_first(slabs.down);
     float s_end = 1.0 + 1e-6;
     uint stack[IO_STACK_SIZE]; // of an invocation that walks alone
     uint base = together_stack();
-    uint depth = 0u;
-    while (true) {
-        uint current = together_first(next);
-        uint top = together_first(depth);
+    if (IO_TOGETHER > 0u) io_stacks[base] = root; else stack[0] = root;
+    uint depth = 1u;
+    while (depth > 0u) {
+        uint top = together_first(depth) - 1u;
+        uint current = IO_TOGETHER > 0u ? io_stacks[base + top] : stack[top];
         Node node = io_nodes[reference_index(current)];
         count(IO_COUNT_NODES);
         uint own = slabs_entered(slabs, node, s_end);
         uint entered = together_or(own);
-        // The children from near to far.
-        bool from_last = ((negative >> reference_kind(current)) & 1u) != 0u;
+        // The children from near to far: primitives at once.
+        bool from_last = ((down >> reference_kind(current)) & 1u) != 0u;
         uvec4 children = from_last ? node.children.wzyx : node.children;
         uvec4 bits = from_last ? uvec4(8u, 4u, 2u, 1u) : uvec4(1u, 2u, 4u, 8u);
         bvec4 among = notEqual(bits & entered, uvec4(0u));
@@ -137,40 +139,35 @@ uint traverse_cell(Segment segment, uint cell, bool any_hit) {
                 }
             }
         }
-        // Nodes from far to near, so that the nearest is on top.
-        next = IO_NONE;
+        // Nodes from far to near, so that the nearest is on top. What is none is written over.
         [[unroll]] for (uint k = 0u; k < 4u; k++) {
             uint i = 3u - k;
-            bool inner = among[i] && reference_kind(children[i]) < IO_REFERENCE_NOTHING;
-            bool push = inner && next != IO_NONE;
-            if (IO_TOGETHER > 0u) io_stacks[base + top] = next;
-            else if (push) stack[top] = next;
-            top += push ? 1u : 0u;
-            next = inner ? children[i] : next;
-        }
-        if (any_hit) {
-            if (together_all(found != IO_NONE)) break;
-            if (found != IO_NONE) s_end = -1.0;
-        }
-        if (next == IO_NONE) {
-            if (top == 0u) break;
-            top--;
-            next = IO_TOGETHER > 0u ? io_stacks[base + top] : stack[top];
+            if (IO_TOGETHER > 0u) io_stacks[base + top] = children[i]; else stack[top] = children[i];
+            top += among[i] && reference_kind(children[i]) < IO_REFERENCE_NOTHING ? 1u : 0u;
         }
         depth = top;
+        if (any_hit) {
+            if (found != IO_NONE) s_end = -1.0;
+            if (together_all(found != IO_NONE)) depth = 0u;
+        }
     }
     return found;
 }
 
 // The same for the cell that a path is in.
 uint traverse(Segment segment, uint cell, bool any_hit) {
-    if (!(IO_MESHES || IO_QUADRICS)) return IO_NONE;
+    uint found = IO_NONE;
+    if (!(IO_MESHES || IO_QUADRICS)) return found;
     if (IO_TOGETHER == 0u || IO_FACES > 0u) return traverse_cell(segment, cell, any_hit);
     // Together go those that are in the same cell.
-    while (true) {
+    for (bool waiting = true; waiting;) {
         uint first = subgroupBroadcastFirst(cell);
-        if (first == cell) return traverse_cell(segment, first, any_hit);
+        if (first == cell) {
+            found = traverse_cell(segment, first, any_hit);
+            waiting = false;
+        }
     }
+    return found;
 }
 
 // Traces one segment of a primary ray: closest-hit or miss follows.

@@ -114,8 +114,8 @@ pub fn build(primitives: &[(Aabb, Primitive)], nodes: &mut Vec<Node>) -> Option<
         [only] => builder.finish(builder.nodes.len(), &[*only], 0),
         several => builder.node(several, 0),
     };
-    // Above each node three others may wait; one more place is written to in vain.
-    Some(Tree { stack: 3 * (builder.levels - 1) + 1, root: root.word(), grid })
+    // Beside each node above three others may wait, and a fourth place is written to in vain.
+    Some(Tree { stack: 3 * builder.levels + 1, root: root.word(), grid })
 }
 
 /// A primitive or a node.
@@ -347,7 +347,7 @@ mod tests {
                         other => assert_eq!(other, Reference::Nothing),
                     }
                 }
-                assert!(stack.len() < tree.stack as usize && tree.stack <= STACK_SIZE);
+                assert!(stack.len() <= tree.stack as usize && tree.stack <= STACK_SIZE);
             }
             assert!(seen.iter().all(|&times| times == 1), "{n} primitives: {seen:?}");
         }
