@@ -126,19 +126,12 @@ impl Engine {
         let method = args.integrator.method(args.step, args.tolerance)?;
         let single = args.precision == Some(Precision::F32);
         let device = match (args.backend, args.precision) {
-            (None | Some(BackendChoice::Cpu), Some(Precision::F32)) if method != Method::Exact => false,
-            (None | Some(BackendChoice::Auto), Some(Precision::F32)) => true,
-            (None | Some(BackendChoice::Auto | BackendChoice::Cpu), Some(Precision::F64) | None) => false,
-            (Some(BackendChoice::Compute), None | Some(Precision::F32)) => true,
-            (Some(BackendChoice::Rt), _) => {
+            (BackendChoice::Cpu, _) | (BackendChoice::Auto, Some(Precision::F64) | None) => false,
+            (BackendChoice::Auto, Some(Precision::F32)) | (BackendChoice::Compute, Some(Precision::F32) | None) => true,
+            (BackendChoice::Rt, _) => {
                 return Err(Failure::refused(anyhow!("rt traces pictures: for single geodesics use compute or cpu")));
             }
-            (Some(BackendChoice::Cpu), Some(Precision::F32)) => {
-                return Err(Failure::refused(anyhow!(
-                    "the cpu computes exact flows in f64: for f32 use --backend compute"
-                )));
-            }
-            (Some(BackendChoice::Compute), Some(Precision::F64)) => {
+            (BackendChoice::Compute, Some(Precision::F64)) => {
                 return Err(Failure::refused(anyhow!("the device computes in f32: for f64 use --backend cpu")));
             }
         };

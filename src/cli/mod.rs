@@ -347,7 +347,7 @@ struct GeodesicArgs {
     geometry: Option<String>,
     #[command(flatten)]
     start: GeodesicStart,
-    /// Number format; follows the backend if not given.
+    /// Number format of all that is computed along the way; f64 on the cpu and f32 on the device if not given.
     #[arg(long, value_enum)]
     precision: Option<Precision>,
     /// How geodesics are integrated.
@@ -359,9 +359,10 @@ struct GeodesicArgs {
     /// Largest error of a step of dopri5, 1e-6 if not given.
     #[arg(long, value_name = "E", value_parser = parse_positive)]
     tolerance: Option<f64>,
-    /// cpu computes in f64 (f32 too, but for the exact flow), compute in f32 with the shader's own function on the device.
-    #[arg(long, value_enum)]
-    backend: Option<BackendChoice>,
+    /// cpu computes in f64 or f32, compute in f32 with the shader's own function on the device; auto is compute for f32,
+    /// else cpu.
+    #[arg(long, value_enum, default_value = "cpu")]
+    backend: BackendChoice,
     /// Print the result as JSON.
     #[arg(long)]
     json: bool,

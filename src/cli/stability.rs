@@ -17,7 +17,7 @@ pub(super) fn run(args: &StabilityArgs) -> Outcome {
     let file = args.output.as_deref().map(PendingFile::create).transpose()?;
     let wanted: &[On] = match args.backend {
         BackendChoice::Auto => &On::ALL,
-        BackendChoice::Cpu => &[On::Cpu],
+        BackendChoice::Cpu => &[On::Cpu, On::CpuSingle],
         BackendChoice::Compute => &[On::Compute],
         BackendChoice::Rt => &[On::Rt],
     };

@@ -2,7 +2,7 @@
 //! point of a curve, Newton's method for geodesics between two points, and the entire functions of a one-parameter
 //! subgroup of 2×2 matrices.
 
-use super::{ALONG_FACE, Geodesic, Geometry, ON_FACE};
+use super::{ALONG_FACE, Elementary, Geodesic, Geometry, ON_FACE};
 use glam::{DMat3, DVec3, DVec4};
 
 /// Where a function that is negative before first reaches zero, searched in `[0, end]`. `value_and_rate` gives the
@@ -143,16 +143,16 @@ pub(super) fn wave_area(differential: DMat3, v: DVec3, t: f64) -> f64 {
 }
 
 /// `cosh √z` and `sinh √z / √z`, entire functions of `z`: `cos` and `sin` for negative `z`.
-pub(super) fn cosh_sinhc(z: f64) -> (f64, f64) {
+pub(super) fn cosh_sinhc<T: Elementary>(z: T) -> (T, T) {
+    let number = T::from_f64;
     let root = z.abs().sqrt();
-    if root < 0.5 {
-        let series = |first: f64| {
-            (0..9)
-                .rev()
-                .fold(1.0, |sum, k| 1.0 + sum * z / ((2.0 * f64::from(k) + first) * (2.0 * f64::from(k) + first + 1.0)))
+    if root < number(0.5) {
+        let series = |first: i32| {
+            let factors = (0..9).rev().map(|k| f64::from((2 * k + first) * (2 * k + first + 1)));
+            factors.fold(number(1.0), |sum, factor| number(1.0) + sum * z / number(factor))
         };
-        (series(1.0), series(2.0))
-    } else if z > 0.0 {
+        (series(1), series(2))
+    } else if z > number(0.0) {
         (root.cosh(), root.sinh() / root)
     } else {
         (root.cos(), root.sin() / root)
@@ -175,19 +175,21 @@ pub(super) fn integrals(z: f64) -> (f64, f64) {
 
 /// `t ≥ 0` with `tanh(√q t)/√q = numerator/denominator` (`tan` for negative `q`), for `numerator ≥ 0`; infinite where
 /// there is none. A negative ratio is met behind the quarter turn of the tangent.
-pub(super) fn artanh_over(q: f64, numerator: f64, denominator: f64) -> f64 {
+pub(super) fn artanh_over<T: Elementary>(q: T, numerator: T, denominator: T) -> T {
+    let number = T::from_f64;
+    let zero = number(0.0);
     let root = q.abs().sqrt();
-    if q < 0.0 && root * numerator >= 0.1 * denominator {
+    if q < zero && root * numerator >= number(0.1) * denominator {
         return (root * numerator).atan2(denominator) / root;
     }
-    if !(denominator > 0.0 && (q <= 0.0 || root * numerator < denominator)) {
-        return f64::INFINITY;
+    if !(denominator > zero && (q <= zero || root * numerator < denominator)) {
+        return number(f64::INFINITY);
     }
     let ratio = numerator / denominator;
     let z = q * ratio * ratio;
-    if z.abs() < 0.01 {
+    if z.abs() < number(0.01) {
         // Σ zᵏ/(2k+1).
-        return ratio * (0..9).rev().fold(0.0, |sum, k| sum * z + 1.0 / (2.0 * f64::from(k) + 1.0));
+        return ratio * (0..9).rev().fold(zero, |sum, k| sum * z + number(1.0 / (2.0 * f64::from(k) + 1.0)));
     }
     (root * ratio).atanh() / root
 }

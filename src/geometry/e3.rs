@@ -4,7 +4,10 @@
 //! coordinate is not shown to users. The chart is `(x, y, z)`, the curve parameter is arc length, geodesics are
 //! straight in the chart, and every formula is exact.
 
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, Quadric, Real, Real3, across, matrix_of, spatial};
+use super::{
+    ALONG_FACE, Elementary, Geodesic, Geometry, Isometry, Quadric, Real, Real3, RealGeodesic, across, matrix_of,
+    spatial,
+};
 use glam::{DAffine3, DMat3, DMat4, DVec3, DVec4, Vec4Swizzles};
 
 /// Euclidean three-space.
@@ -42,8 +45,8 @@ impl Geometry for E3 {
         [DVec4::X, DVec4::Y, DVec4::Z]
     }
 
-    fn flow(&self, g: Geodesic, t: f64) -> Geodesic {
-        Geodesic { point: g.point + g.velocity * t, velocity: g.velocity }
+    fn flow_in<T: Elementary>(&self, g: RealGeodesic<T>, t: T) -> RealGeodesic<T> {
+        RealGeodesic { point: g.point + g.velocity * t, velocity: g.velocity }
     }
 
     fn log(&self, p: DVec4, q: DVec4) -> (DVec4, f64) {
@@ -129,6 +132,7 @@ impl Geometry for E3 {
         1.0
     }
 
+    #[inline]
     fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
         Geodesic { point: m.linear * g.point, velocity: m.linear * g.velocity }
     }

@@ -8,7 +8,10 @@
 //! Far from the base point ambient components grow like eᵈ. Lengths are therefore taken from the radial and the
 //! transverse part of a vector, which do not cancel; see [`Geometry::norm`].
 
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, Quadric, Real, Real3, across, hypotenuse, matrix_of, spatial};
+use super::{
+    ALONG_FACE, Elementary, Geodesic, Geometry, Isometry, Quadric, Real, Real3, Real4, RealGeodesic, across,
+    hypotenuse, matrix_of, spatial,
+};
 use glam::{DMat4, DVec3, DVec4, Vec4Swizzles};
 
 /// Hyperbolic three-space of curvature −1.
@@ -51,15 +54,7 @@ impl Geometry for H3 {
     }
 
     fn norm(&self, p: DVec4, v: DVec4) -> f64 {
-        let x = spatial(p);
-        let r = x.length();
-        if r == 0.0 {
-            return spatial(v).length();
-        }
-        let n = x / r;
-        let radial = spatial(v).dot(n);
-        let transverse = (spatial(v) - n * radial).length();
-        hypotenuse(radial / p.w, transverse)
+        norm(Real4::from_f64(p), Real4::from_f64(v))
     }
 
     fn frame(&self, p: DVec4) -> [DVec4; 3] {
@@ -68,9 +63,9 @@ impl Geometry for H3 {
         [DVec4::X + bridge * p.x, DVec4::Y + bridge * p.y, DVec4::Z + bridge * p.z]
     }
 
-    fn flow(&self, g: Geodesic, t: f64) -> Geodesic {
+    fn flow_in<T: Elementary>(&self, g: RealGeodesic<T>, t: T) -> RealGeodesic<T> {
         let (sinh, cosh) = (t.sinh(), t.cosh());
-        Geodesic { point: g.point * cosh + g.velocity * sinh, velocity: g.velocity * cosh + g.point * sinh }
+        RealGeodesic { point: g.point * cosh + g.velocity * sinh, velocity: g.velocity * cosh + g.point * sinh }
     }
 
     fn log(&self, p: DVec4, q: DVec4) -> (DVec4, f64) {
@@ -176,6 +171,7 @@ impl Geometry for H3 {
         (1.0 - c.length_squared()).powi(-2)
     }
 
+    #[inline]
     fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
         Geodesic { point: m.linear * g.point, velocity: m.linear * g.velocity }
     }
@@ -214,6 +210,18 @@ impl Geometry for H3 {
         let share = radius.sinh().powi(2);
         Some(Quadric { forms: [a, b, DVec4::ZERO], quadratic: -share, constant: share })
     }
+}
+
+/// See [`Geometry::norm`].
+pub(super) fn norm<T: Elementary>(p: Real4<T>, v: Real4<T>) -> T {
+    let (x, v) = (p.xyz(), v.xyz());
+    let r = x.length();
+    if r == T::from_f64(0.0) {
+        return v.length();
+    }
+    let n = x / r;
+    let radial = v.dot(n);
+    hypotenuse(radial / p.w, (v - n * radial).length())
 }
 
 /// Gram matrix of the Minkowski form.

@@ -38,7 +38,7 @@ pub mod sl2;
 pub mod sl2_trace;
 pub mod sol;
 
-pub use real::{Real, Real3};
+pub use real::{Elementary, Real, Real2, Real3, Real4, RealGeodesic};
 
 use glam::{DAffine3, DMat4, DVec3, DVec4, Vec4Swizzles};
 use registry::geometries;
@@ -148,6 +148,7 @@ impl Segment {
     /// third derivative, |(s−τ)₊² − s(1−τ)² + s(1−s)(1−τ)|/2, which is largest at s = ½.
     ///
     /// Returns the state at its end, too.
+    #[inline]
     pub fn along<G: Geometry>(geometry: G, g: Geodesic, u: f64) -> (Self, Geodesic) {
         let end = geometry.advance(g, u);
         let origin = geometry.chart(g.point);
@@ -263,8 +264,14 @@ pub trait Geometry: Copy + Send + Sync + 'static {
 
     // --- geodesics ----------------------------------------------------------------------------------
 
-    /// The geodesic flow by arc length `t` (any sign). Exact up to rounding.
-    fn flow(&self, g: Geodesic, t: f64) -> Geodesic;
+    /// The geodesic flow by arc length `t` (any sign), in f64. Exact up to rounding.
+    #[inline]
+    fn flow(&self, g: Geodesic, t: f64) -> Geodesic {
+        self.flow_in(RealGeodesic::from_f64(g), t).to_f64()
+    }
+
+    /// The same in numbers of the precision `T`, and in none besides. *Host only:* the twin's is f32.
+    fn flow_in<T: Elementary>(&self, g: RealGeodesic<T>, t: T) -> RealGeodesic<T>;
 
     /// What the geodesic `g` runs into within length `t` (any sign), where the chart does not hold all of it: its
     /// flow is infinite from there on. *Host only.*
@@ -562,9 +569,10 @@ fn components_text<G: Geometry>(geometry: G, v: DVec4) -> String {
 }
 
 /// `a.hypot(b)`, in a tenth of the time where the squares are ordinary numbers.
-fn hypotenuse(a: f64, b: f64) -> f64 {
+fn hypotenuse<T: Elementary>(a: T, b: T) -> T {
     let square = a * a + b * b;
-    if square > 1e-280 && square < 1e300 { square.sqrt() } else { a.hypot(b) }
+    let ordinary = square > T::SMALLEST / T::from_f64(T::EPSILON) && square < T::from_f64(f64::INFINITY);
+    if ordinary { square.sqrt() } else { a.hypot(b) }
 }
 
 /// End point of the geodesic that leaves `p` with velocity `w` (any length, zero included) after unit time.

@@ -16,7 +16,7 @@
 
 use super::curved::longest_arc;
 use super::passage::{Motion, first_passage};
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3};
+use super::{ALONG_FACE, Elementary, Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real2, Real3, RealGeodesic};
 use glam::{DMat2, DMat4, DVec2, DVec3, DVec4, Vec4Swizzles};
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -56,15 +56,15 @@ impl Geometry for Nil {
         [DVec4::X, DVec4::Y, DVec4::Z]
     }
 
-    fn flow(&self, g: Geodesic, t: f64) -> Geodesic {
+    fn flow_in<T: Elementary>(&self, g: RealGeodesic<T>, t: T) -> RealGeodesic<T> {
+        let [zero, half, one] = [0.0, 0.5, 1.0].map(T::from_f64);
         let (horizontal, w) = (g.velocity.xy(), g.velocity.z);
         let theta = w * t;
-        let half = DVec2::from_angle(0.5 * theta);
-        let way = half.rotate(horizontal) * (t * sine_ratio(0.5 * theta));
-        let symmetric = theta * (1.0 + 0.5 * horizontal.length_squared() * t * t * fall(theta));
-        let step = way.extend(symmetric + 0.5 * way.x * way.y);
-        let velocity = DVec2::from_angle(theta).rotate(horizontal).extend(w);
-        Geodesic { point: product(g.point.xyz(), step).extend(1.0), velocity: velocity.extend(0.0) }
+        let way = Real2::from_angle(half * theta).rotate(horizontal) * (t * sine_ratio(half * theta));
+        let symmetric = theta * (one + half * horizontal.dot(horizontal) * t * t * fall(theta));
+        let step = way.extend(symmetric + half * way.x * way.y);
+        let velocity = Real2::from_angle(theta).rotate(horizontal).extend(w);
+        RealGeodesic { point: product(g.point.xyz(), step).extend(one), velocity: velocity.extend(zero) }
     }
 
     /// From the displacement p⁻¹q, (ρ, z_sym) in cylinder coordinates, z_sym ≥ 0: the shortest geodesic has
@@ -201,6 +201,7 @@ impl Geometry for Nil {
         1.0
     }
 
+    #[inline]
     fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
         let (turn, p) = (turn(m), g.point.xy());
         let mut point = m.linear * g.point;
@@ -243,8 +244,8 @@ impl Geometry for Nil {
 }
 
 /// Product of the group.
-fn product(a: DVec3, b: DVec3) -> DVec3 {
-    a + b + DVec3::Z * (a.x * b.y)
+fn product<T: Real>(a: Real3<T>, b: Real3<T>) -> Real3<T> {
+    (a + b).xy().extend(a.z + b.z + a.x * b.y)
 }
 
 /// p⁻¹q.
@@ -254,8 +255,13 @@ fn displacement(p: DVec4, q: DVec4) -> DVec3 {
 }
 
 /// sin(x)/x.
-fn sine_ratio(x: f64) -> f64 {
-    if x.abs() < 1e-3 { 1.0 - x * x / 6.0 * (1.0 - x * x / 20.0) } else { x.sin() / x }
+fn sine_ratio<T: Elementary>(x: T) -> T {
+    let number = T::from_f64;
+    if x.abs() < number(1e-3) {
+        number(1.0) - x * x / number(6.0) * (number(1.0) - x * x / number(20.0))
+    } else {
+        x.sin() / x
+    }
 }
 
 /// arctan(w y)/w.
@@ -265,17 +271,18 @@ fn arc_over_rate(y: f64, w: f64) -> f64 {
 }
 
 /// g(θ) = (θ − sin θ)/θ³, from 1/6 at 0.
-fn fall(theta: f64) -> f64 {
+fn fall<T: Elementary>(theta: T) -> T {
+    let number = T::from_f64;
     let square = theta * theta;
-    if square > 1.0 {
+    if square > number(1.0) {
         return (theta - theta.sin()) / (theta * square);
     }
     // The ninth term is below the rounding of the first.
-    let (mut term, mut sum) = (1.0 / 6.0, 0.0);
+    let (mut term, mut sum) = (number(1.0 / 6.0), number(0.0));
     for k in 0..9 {
-        sum += term;
+        sum = sum + term;
         let n = f64::from(2 * k + 4);
-        term *= -square / (n * (n + 1.0));
+        term = term * (-square / number(n * (n + 1.0)));
     }
     sum
 }

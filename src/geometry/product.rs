@@ -16,7 +16,7 @@
 
 use super::curved::longest_arc;
 use super::passage::{Motion, first_passage};
-use super::{ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3};
+use super::{ALONG_FACE, Elementary, Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3, Real4, RealGeodesic};
 use glam::{DMat4, DVec3, DVec4};
 
 /// The surface of a product.
@@ -31,7 +31,10 @@ pub trait Product: Copy + Send + Sync + 'static {
     const CURVATURE: f64;
 
     /// (sinκ, cosκ).
-    fn sine_cosine(x: f64) -> (f64, f64);
+    fn sine_cosine<T: Elementary>(x: T) -> (T, T);
+
+    /// [`Geometry::norm`] of that space.
+    fn norm_in<T: Elementary>(p: Real4<T>, v: Real4<T>) -> T;
 
     /// The inverse of tanκ = sinκ/cosκ; infinite beyond its range.
     fn arc_tangent(x: f64) -> f64;
@@ -48,6 +51,11 @@ fn slice(v: DVec4) -> DVec4 {
     DVec4::new(v.x, v.y, 0.0, v.w)
 }
 
+/// The same in any precision.
+fn slice_in<T: Real>(v: Real4<T>) -> Real4<T> {
+    Real4::new(v.x, v.y, T::from_f64(0.0), v.w)
+}
+
 /// The form of the surface.
 fn form<P: Product>(u: DVec4, v: DVec4) -> f64 {
     u.x * v.x + u.y * v.y + P::CURVATURE * u.w * v.w
@@ -61,15 +69,25 @@ fn gram<P: Product>() -> DMat4 {
 /// Length of the part of a unit velocity in the surface. Where it is large the other part says it with fewer
 /// roundings, which e^ct multiplies.
 fn speed<P: Product>(g: Geodesic) -> f64 {
-    let b = g.velocity.z;
-    if b.abs() < 0.7 { ((1.0 - b) * (1.0 + b)).sqrt() } else { P::SPACE.norm(slice(g.point), slice(g.velocity)) }
+    speed_in::<P, f64>(RealGeodesic::from_f64(g))
+}
+
+/// The same in any precision.
+fn speed_in<P: Product, T: Elementary>(g: RealGeodesic<T>) -> T {
+    let (b, one) = (g.velocity.z, T::from_f64(1.0));
+    if b.abs() < T::from_f64(0.7) {
+        ((one - b) * (one + b)).sqrt()
+    } else {
+        P::norm_in(slice_in(g.point), slice_in(g.velocity))
+    }
 }
 
 /// sinκ(x)/x.
-fn sine_ratio<P: Product>(x: f64) -> f64 {
-    if x.abs() < 1e-3 {
-        let y = P::CURVATURE * x * x;
-        1.0 - y / 6.0 * (1.0 - y / 20.0)
+fn sine_ratio<P: Product, T: Elementary>(x: T) -> T {
+    let number = T::from_f64;
+    if x.abs() < number(1e-3) {
+        let y = number(P::CURVATURE) * x * x;
+        number(1.0) - y / number(6.0) * (number(1.0) - y / number(20.0))
     } else {
         P::sine_cosine(x).0 / x
     }
@@ -161,11 +179,12 @@ impl<P: Product> Geometry for P {
         P::SPACE.frame(slice(p))
     }
 
-    fn flow(&self, g: Geodesic, t: f64) -> Geodesic {
-        let c = speed::<P>(g);
-        let ((sine, cosine), ratio) = (P::sine_cosine(c * t), t * sine_ratio::<P>(c * t));
-        let (p, h) = (slice(g.point), slice(g.velocity));
-        let mut end = Geodesic { point: p * cosine + h * ratio, velocity: h * cosine - p * (P::CURVATURE * c * sine) };
+    fn flow_in<T: Elementary>(&self, g: RealGeodesic<T>, t: T) -> RealGeodesic<T> {
+        let c = speed_in::<P, T>(g);
+        let ((sine, cosine), ratio) = (P::sine_cosine(c * t), t * sine_ratio::<P, T>(c * t));
+        let (p, h) = (slice_in(g.point), slice_in(g.velocity));
+        let bend = T::from_f64(P::CURVATURE) * c * sine;
+        let mut end = RealGeodesic { point: p * cosine + h * ratio, velocity: h * cosine - p * bend };
         end.point.z = g.point.z + g.velocity.z * t;
         end.velocity.z = g.velocity.z;
         end
@@ -186,13 +205,13 @@ impl<P: Product> Geometry for P {
     fn transport(&self, g: Geodesic, t: f64, w: DVec4) -> DVec4 {
         // In the surface w + ⟨h, w⟩ (h' − h)/c², with h' − h = −κ c² (p t sincκ(ct) + h t²/2 sincκ²(ct/2)).
         let (c, p, h) = (speed::<P>(g), slice(g.point), slice(g.velocity));
-        let half = t * sine_ratio::<P>(0.5 * c * t);
-        let turned = p * (t * sine_ratio::<P>(c * t)) + h * (0.5 * half * half);
+        let half = t * sine_ratio::<P, f64>(0.5 * c * t);
+        let turned = p * (t * sine_ratio::<P, f64>(c * t)) + h * (0.5 * half * half);
         w - turned * (P::CURVATURE * form::<P>(h, w))
     }
 
     fn area_density(&self, g: Geodesic, t: f64) -> f64 {
-        (t * t * sine_ratio::<P>(speed::<P>(g) * t)).abs()
+        (t * t * sine_ratio::<P, f64>(speed::<P>(g) * t)).abs()
     }
 
     fn length(&self, _g: Geodesic, u: f64) -> f64 {
@@ -327,6 +346,7 @@ impl<P: Product> Geometry for P {
         (1.0 + P::CURVATURE * c.truncate().length_squared()).powf(-1.5)
     }
 
+    #[inline]
     fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
         Geodesic { point: m.linear * g.point + m.shift, velocity: m.linear * g.velocity }
     }

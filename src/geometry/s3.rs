@@ -5,7 +5,8 @@
 //! quarter turn, where the gnomonic `tan t` is infinite, without a special case.
 
 use super::{
-    ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3, across, hypotenuse, matrix_of, spatial,
+    ALONG_FACE, Elementary, Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3, RealGeodesic, across,
+    hypotenuse, matrix_of, spatial,
 };
 use glam::{DMat4, DVec3, DVec4};
 use std::f64::consts::PI;
@@ -50,9 +51,9 @@ impl Geometry for S3 {
         [DVec4::X - bridge * p.x, DVec4::Y - bridge * p.y, DVec4::Z - bridge * p.z]
     }
 
-    fn flow(&self, g: Geodesic, t: f64) -> Geodesic {
+    fn flow_in<T: Elementary>(&self, g: RealGeodesic<T>, t: T) -> RealGeodesic<T> {
         let (sin, cos) = t.sin_cos();
-        Geodesic { point: g.point * cos + g.velocity * sin, velocity: g.velocity * cos - g.point * sin }
+        RealGeodesic { point: g.point * cos + g.velocity * sin, velocity: g.velocity * cos - g.point * sin }
     }
 
     fn log(&self, p: DVec4, q: DVec4) -> (DVec4, f64) {
@@ -156,6 +157,7 @@ impl Geometry for S3 {
         (1.0 + c.length_squared()).powi(-2)
     }
 
+    #[inline]
     fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
         Geodesic { point: m.linear * g.point, velocity: m.linear * g.velocity }
     }

@@ -19,7 +19,7 @@
 //! Reflections of the base in vertical planes are among them.
 
 use super::{
-    ALONG_FACE, Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3,
+    ALONG_FACE, Elementary, Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real2, Real3, Real4, RealGeodesic,
     curved::{
         before_passage, cosh_sinhc, first_passage, first_zero, integrals, longest_arc, nearest_parameter, shoot,
         wave_area,
@@ -71,8 +71,14 @@ fn turned(by: DVec2, v: DVec3) -> DVec3 {
 /// The base point `h = (x, y, w)` moved as `P` moves the origin to the base of `p`; `h = (0, 0, 1) + rest`, of which
 /// only the rest is given and returned, relative to the image of the origin.
 fn boost(p: DVec4, rest: DVec3) -> DVec3 {
+    boost_in::<f64>(Real4::from_f64(p), Real3::from_f64(rest)).to_f64()
+}
+
+/// The same in any precision.
+fn boost_in<T: Real>(p: Real4<T>, rest: Real3<T>) -> Real3<T> {
     let along = p.xy().dot(rest.xy());
-    (rest.xy() + p.xy() * (rest.z + along / (1.0 + p.w))).extend(along + p.w * rest.z)
+    let moved = rest.xy() + p.xy() * (rest.z + along / (T::from_f64(1.0) + p.w));
+    moved.extend(along + p.w * rest.z)
 }
 
 /// The angle δ in `P₁ P₂ = P₃ R(δ)` for base points `p` and `q`, from `p × (q − p)` for the sake of close points.
@@ -266,31 +272,32 @@ impl Geometry for Sl2 {
         [DVec4::X, DVec4::Y, DVec4::Z]
     }
 
-    fn flow(&self, g: Geodesic, t: f64) -> Geodesic {
+    fn flow_in<T: Elementary>(&self, g: RealGeodesic<T>, t: T) -> RealGeodesic<T> {
+        let number = T::from_f64;
+        let [zero, half, two, pi] = [0.0, 0.5, 2.0, PI].map(number);
         let (p, c) = (g.point, g.velocity.z);
-        let v = turn(p.z).rotate(g.velocity.xy());
+        let v = Real2::from_angle(p.z).rotate(g.velocity.xy());
         let radius = v.length();
         let square = (radius - c.abs()) * (radius + c.abs());
         // Half-turns of the first factor are taken out, so that the rest has C ≥ 0.
-        let angle = 0.5 * t * square.min(0.0).abs().sqrt();
-        let turns = (angle / PI).round();
-        let (cosh, sinh) = if turns == 0.0 {
-            let (cosh, sinhc) = cosh_sinhc(0.25 * square * t * t);
+        let angle = half * t * square.min(zero).abs().sqrt();
+        let turns = (angle / pi).round();
+        let (cosh, sinh) = if turns == zero {
+            let (cosh, sinhc) = cosh_sinhc(number(0.25) * square * t * t);
             (cosh, t * sinhc)
         } else {
-            let within = angle - turns * PI;
+            let within = angle - turns * pi;
             (within.cos(), t * within.sin() / angle)
         };
-        let horizontal = sinh * (v * cosh - v.perp() * (0.5 * c * sinh));
-        let base = p.xy().extend(p.w) + boost(p, horizontal.extend(0.5 * (sinh * radius).powi(2)));
-        let (x, one) = (p.xy(), 1.0 + p.w);
-        let (real, imaginary) = (one * cosh + 0.5 * x.dot(v) * sinh, 0.5 * sinh * (v.perp_dot(x) - one * c));
-        let wound = 2.0 * c * t - turns * PI * 2.0 * c.signum();
-        let fibre = p.z + (wound + 2.0 * imaginary.atan2(real));
-        Geodesic {
-            point: DVec4::new(base.x, base.y, fibre, base.z),
-            velocity: turned(turn(-2.0 * c * t), spatial(g.velocity)).extend(0.0),
-        }
+        let horizontal = (v * cosh - v.perp() * (half * c * sinh)) * sinh;
+        let far = sinh * radius;
+        let base = p.xy().extend(p.w) + boost_in(p, horizontal.extend(half * far * far));
+        let (x, one) = (p.xy(), number(1.0) + p.w);
+        let (real, imaginary) = (one * cosh + half * x.dot(v) * sinh, half * sinh * (v.perp_dot(x) - one * c));
+        let wound = two * c * t - turns * pi * two * c.signum();
+        let fibre = p.z + (wound + two * imaginary.atan2(real));
+        let turned = Real2::from_angle(-two * c * t).rotate(g.velocity.xy());
+        RealGeodesic { point: Real4::new(base.x, base.y, fibre, base.z), velocity: turned.extend(c).extend(zero) }
     }
 
     fn log(&self, p: DVec4, q: DVec4) -> (DVec4, f64) {
@@ -445,6 +452,7 @@ impl Geometry for Sl2 {
         (1.0 - c.xy().length_squared()).powf(-1.5)
     }
 
+    #[inline]
     fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
         let p = g.point;
         let base = m.linear * DVec4::new(p.x, p.y, 0.0, p.w);

@@ -15,7 +15,7 @@
 //! is orthonormal: `√(2u² + v² + w²)`.
 
 use super::{
-    Geodesic, Geometry, Isometry, Quadric, Real, Real3,
+    Elementary, Geodesic, Geometry, Isometry, Quadric, Real, Real3, Real4, RealGeodesic,
     curved::{artanh_over, cosh_sinhc, first_passage, integrals, longest_arc, nearest_parameter, wave_area},
 };
 use glam::{DMat2, DMat3, DMat4, DVec2, DVec3, DVec4, Vec4Swizzles};
@@ -86,35 +86,42 @@ fn unframed(c: DVec3) -> DVec4 {
 }
 
 /// A velocity with largest component 1, and that component: squares of the velocity itself may leave the numbers.
-fn scaled(v: DVec4) -> (DVec4, f64) {
-    let scale = v.abs().max_element().max(f64::MIN_POSITIVE);
+fn scaled<T: Elementary>(v: Real4<T>) -> (Real4<T>, T) {
+    let scale = v.x.abs().max(v.y.abs()).max(v.z.abs()).max(T::SMALLEST);
     (v / scale, scale)
 }
 
-/// `exp(tA)` less the identity.
-fn exponential(v: DVec4, t: f64) -> DMat2 {
-    let q = square(v);
-    let (forth, root) = (v * t.signum(), q.max(0.0).sqrt());
+/// `exp(tA)` less the identity, by its entries.
+fn exponential<T: Elementary>(v: Real4<T>, t: T) -> Real4<T> {
+    let [zero, half, one] = [0.0, 0.5, 1.0].map(T::from_f64);
+    let q = v.x * v.x + v.y * v.z;
+    let (forth, root) = (v * t.signum(), q.max(zero).sqrt());
     let sinh = t.abs() * cosh_sinhc(q * t * t).1;
     let far = root * t.abs();
-    if far < 1.0 {
+    if far < one {
         // C − 1 = 2 sinh²(√q t/2).
-        let half = t * cosh_sinhc(0.25 * q * t * t).1;
-        return DMat2::from_diagonal(DVec2::splat(0.5 * q * half * half)) + algebra(forth) * sinh;
+        let half_sinh = t * cosh_sinhc(T::from_f64(0.25) * q * t * t).1;
+        let even = half * q * half_sinh * half_sinh;
+        return Real4::new(even, zero, zero, even) + Real4::new(forth.x, forth.y, forth.z, -forth.x) * sinh;
     }
     // Of C ± S u one cancels: C + S A = e^(−√q t) + S(√q + A), where √q − |u| = vw/(√q + |u|).
     let (sum, difference) = (root + v.x.abs(), v.y * v.z / (root + v.x.abs()));
-    let [first, last] = if forth.x > 0.0 { [sum, difference] } else { [difference, sum] };
-    let shrink = DMat2::from_diagonal(DVec2::splat((-far).exp_m1()));
-    shrink + DMat2::from_cols(DVec2::new(first, forth.z), DVec2::new(forth.y, last)) * sinh
+    let [first, last] = if forth.x > zero { [sum, difference] } else { [difference, sum] };
+    let shrink = (-far).exp_m1();
+    Real4::new(shrink, zero, zero, shrink) + Real4::new(first, forth.y, forth.z, last) * sinh
 }
 
 /// Length at which the geodesic reaches x = −1, forwards; infinite if it never does.
-fn edge(g: Geodesic) -> f64 {
-    let first = 1.0 + g.point.x;
+fn edge<T: Elementary>(g: RealGeodesic<T>) -> T {
+    let first = T::from_f64(1.0) + g.point.x;
     let (v, scale) = scaled(g.velocity);
     let rate = first * v.x + g.point.y * v.z;
-    artanh_over(square(v), first.abs(), -rate * first.signum()) / scale
+    artanh_over(v.x * v.x + v.y * v.z, first.abs(), -rate * first.signum()) / scale
+}
+
+/// Whether it reaches it within length `t`, of any sign.
+fn meets_edge<T: Elementary>(g: RealGeodesic<T>, t: T) -> bool {
+    edge(RealGeodesic { point: g.point, velocity: g.velocity * t.signum() }) <= t.abs()
 }
 
 impl Geometry for Sl2Trace {
@@ -151,17 +158,23 @@ impl Geometry for Sl2Trace {
     }
 
     fn edge(&self, g: Geodesic, t: f64) -> Option<&'static str> {
-        let ahead = Geodesic { point: g.point, velocity: g.velocity * t.signum() };
-        (edge(ahead) <= t.abs()).then_some("x = -1, the edge of the chart")
+        meets_edge(RealGeodesic::from_f64(g), t).then_some("x = -1, the edge of the chart")
     }
 
-    fn flow(&self, g: Geodesic, t: f64) -> Geodesic {
-        if self.edge(g, t).is_some() {
-            return Geodesic { point: DVec4::INFINITY, velocity: g.velocity };
+    fn flow_in<T: Elementary>(&self, g: RealGeodesic<T>, t: T) -> RealGeodesic<T> {
+        if meets_edge(g, t) {
+            return RealGeodesic { point: Real4::splat(T::from_f64(f64::INFINITY)), velocity: g.velocity };
         }
         let (v, scale) = scaled(g.velocity);
-        let t = t * scale;
-        Geodesic { point: g.point + entries(matrix(g.point) * exponential(v, t)), velocity: g.velocity }
+        let (p, one, e) = (g.point, T::from_f64(1.0), exponential(v, t * scale));
+        let (first, last) = (one + p.x, one + p.w);
+        let moved = Real4::new(
+            first * e.x + p.y * e.z,
+            first * e.y + p.y * e.w,
+            p.z * e.x + last * e.z,
+            p.z * e.y + last * e.w,
+        );
+        RealGeodesic { point: p + moved, velocity: g.velocity }
     }
 
     /// The one-parameter group through `p⁻¹q`, with a velocity of norm 1. Matrices of trace −2 or less are on none:
@@ -205,7 +218,7 @@ impl Geometry for Sl2Trace {
 
     fn parameter_at(&self, g: Geodesic, t: f64) -> f64 {
         let t = t.min(f64::MAX);
-        if t < edge(g) { t } else { f64::INFINITY }
+        if t < edge(RealGeodesic::from_f64(g)) { t } else { f64::INFINITY }
     }
 
     fn advance(&self, g: Geodesic, u: f64) -> Geodesic {
@@ -224,7 +237,7 @@ impl Geometry for Sl2Trace {
         let start = self.side(g.point, plane);
         let start = if start.abs() <= super::ON_FACE { 0.0 } else { start };
         let exit = first_passage(q, start, rate, q * (even - plane.w + n.x));
-        if exit < edge(g) { exit } else { f64::INFINITY }
+        if exit < edge(RealGeodesic::from_f64(g)) { exit } else { f64::INFINITY }
     }
 
     /// Measured by [`Geometry::norm`]. The chart's third derivative is `q` times its velocity, of norm |q| n. Along a
@@ -291,6 +304,7 @@ impl Geometry for Sl2Trace {
         SQRT_2 / (1.0 + c.x).abs()
     }
 
+    #[inline]
     fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
         Geodesic { point: m.linear * g.point + m.shift, velocity: g.velocity }
     }

@@ -9,9 +9,9 @@
 //! integrals `x′ = A e²ᶻ`, `y′ = B e⁻²ᶻ`. With `P = e²ᶻ`, `Q = e⁻²ᶻ` it is quadratic, and the Taylor series of its
 //! solution follows from two products of series for each order. Speed 1 keeps the nearest complex singularity π/2
 //! away (`w = −tanh t` in the plane y = 0 has it there), so steps of 1/4 gain a factor 6 with each order and order
-//! [`ORDER`] is exact to rounding; the twin takes steps of 1/2 and order 14. Each step starts from the identity of
-//! the group, so numbers stay of order 1, and no direction is special: neither vanishing momenta nor `u = v`, where
-//! the closed form in elliptic functions ([`elliptic`]) loses its digits.
+//! [`ORDER`] is exact to rounding; in f32, as in the twin, steps of 1/2 and order 14 are. Each step starts from the
+//! identity of the group, so numbers stay of order 1, and no direction is special: neither vanishing momenta nor
+//! `u = v`, where the closed form in elliptic functions ([`elliptic`]) loses its digits.
 //!
 //! Long geodesics. z is periodic with the period `2π / agm(√(1+2k), 2√k)`, `k = |uv|`, and x, y advance by the same
 //! amounts in each; beyond length 64 whole periods are counted, not walked.
@@ -20,7 +20,7 @@ pub mod elliptic;
 mod series;
 
 use super::{
-    Geodesic, Geometry, Isometry, Quadric, Real, Real3,
+    Elementary, Geodesic, Geometry, Isometry, Quadric, Real, Real3, RealGeodesic,
     curved::{before_passage, first_zero, longest_arc, nearest_parameter, shoot, wave_area},
     spatial,
 };
@@ -44,15 +44,16 @@ pub fn translation(by: DVec3) -> Isometry {
 }
 
 /// `(e^z x, e^{−z} y)` for a possibly infinite exponential: nothing stays nothing.
-fn stretch(z: f64, x: f64, y: f64) -> [f64; 2] {
-    let by = |factor: f64, length: f64| if length == 0.0 { 0.0 } else { factor * length };
+fn stretch<T: Elementary>(z: T, x: T, y: T) -> [T; 2] {
+    let zero = T::from_f64(0.0);
+    let by = |factor: T, length: T| if length == zero { zero } else { factor * length };
     [by(z.exp(), x), by((-z).exp(), y)]
 }
 
 /// The product of group elements.
-fn product(a: DVec3, b: DVec3) -> DVec3 {
+fn product<T: Elementary>(a: Real3<T>, b: Real3<T>) -> Real3<T> {
     let [x, y] = stretch(a.z, b.x, b.y);
-    DVec3::new(a.x + x, a.y + y, a.z + b.z)
+    Real3::new(a.x + x, a.y + y, a.z + b.z)
 }
 
 /// Displacement from `p` to `q` in coordinates about `p`: the group element `p⁻¹q`.
@@ -110,9 +111,10 @@ impl Geometry for Sol {
         [DVec4::X, DVec4::Y, DVec4::Z]
     }
 
-    fn flow(&self, g: Geodesic, t: f64) -> Geodesic {
-        let (end, velocity) = series::flow(spatial(g.velocity), t);
-        Geodesic { point: product(spatial(g.point), end).extend(1.0), velocity: velocity.extend(0.0) }
+    fn flow_in<T: Elementary>(&self, g: RealGeodesic<T>, t: T) -> RealGeodesic<T> {
+        let (end, velocity) = series::flow(g.velocity.xyz(), t);
+        let point = product(g.point.xyz(), end);
+        RealGeodesic { point: point.extend(T::from_f64(1.0)), velocity: velocity.extend(T::from_f64(0.0)) }
     }
 
     /// Newton's method on the end point. Up to a distance of 4 it finds the shortest geodesic (the first conjugate
@@ -159,10 +161,10 @@ impl Geometry for Sol {
         let [a, b] = stretch(g.point.z, plane.x, plane.y);
         let rate = DVec3::new(a, b, plane.z).dot(spatial(g.velocity));
         let Some(threshold) = before_passage(self.side(g.point, plane), rate) else { return 0.0 };
-        let mut track = Track::new(spatial(g.velocity));
+        let mut track = Track::new(Real3::from_f64(spatial(g.velocity)));
         let mut travelled = 0.0;
         while travelled < reach.min(HORIZON) {
-            let here = product(spatial(g.point), track.point());
+            let here = product(Real3::from_f64(spatial(g.point)), track.point()).to_f64();
             let [a, b] = stretch(here.z, plane.x, plane.y);
             let start = plane.dot(here.extend(1.0)) - threshold;
             let series = track.series();
@@ -171,7 +173,7 @@ impl Geometry for Sol {
             let conormal = DVec3::new(a, b, plane.z);
             let value = |s: f64| {
                 let (end, rate) = series.chart(s);
-                [start + conormal.dot(end), conormal.dot(rate)]
+                [start + conormal.dot(end.to_f64()), conormal.dot(rate.to_f64())]
             };
             if let Some(s) = first_zero(value, bend, series::STEP) {
                 return travelled + s;
@@ -240,6 +242,7 @@ impl Geometry for Sol {
         1.0
     }
 
+    #[inline]
     fn apply(&self, m: &Isometry, g: Geodesic) -> Geodesic {
         Geodesic { point: m.linear * g.point, velocity: g.velocity }
     }

@@ -25,7 +25,7 @@ pub use euler::Euler;
 pub use exact::Exact;
 pub use rk4::Rk4;
 
-use crate::geometry::{Geodesic, Geometry, Real, Real3};
+use crate::geometry::{Elementary, Geodesic, Geometry, Real, Real3};
 use glam::{DVec3, DVec4};
 
 /// A point of a geodesic in the chart.
@@ -199,14 +199,13 @@ pub enum Stop {
 /// Most steps of one geodesic.
 pub const MAX_STEPS: u64 = 10_000_000;
 
-/// Follows a geodesic for length `t`, of either sign, by a method, in the precision `T`; the exact flow is computed in f64
-/// whatever `T` is.
+/// Follows a geodesic for length `t`, of either sign, by a method, in the precision `T`.
 ///
 /// # Errors
-/// [`Stop`]. An exact geodesic that leaves the chart is at infinity instead.
-pub fn follow<T: Real, G: Geometry>(geometry: G, method: Method, g: Geodesic, t: f64) -> Result<Arrival, Stop> {
+/// [`Stop`]. An exact geodesic that leaves the chart or the numbers is not finite instead.
+pub fn follow<T: Elementary, G: Geometry>(geometry: G, method: Method, g: Geodesic, t: f64) -> Result<Arrival, Stop> {
     let arrival = match method {
-        Method::Exact => return Ok(Exact.follow(geometry, g, t)),
+        Method::Exact => return Ok(Exact.follow::<T, _>(geometry, g, t)),
         Method::Euler { step } => march::<T, _, _>(geometry, Euler { step }, g, t),
         Method::Rk4 { step } => march::<T, _, _>(geometry, Rk4 { step }, g, t),
         Method::Dopri5 { tolerance } => march::<T, _, _>(geometry, Dopri5 { tolerance }, g, t),
@@ -214,8 +213,11 @@ pub fn follow<T: Real, G: Geometry>(geometry: G, method: Method, g: Geodesic, t:
     if resolves(geometry, arrival.end.point, T::EPSILON, method) { Ok(arrival) } else { Err(Stop::Chart(t)) }
 }
 
-/// Follows a geodesic by steps.
-fn march<T: Real, G: Geometry, S: Stepper>(geometry: G, stepper: S, g: Geodesic, t: f64) -> Result<Arrival, Stop> {
+/// Follows a geodesic for length `t`, of either sign, by steps, in numbers that need no elementary functions.
+///
+/// # Errors
+/// [`Stop`].
+pub fn march<T: Real, G: Geometry, S: Stepper>(geometry: G, stepper: S, g: Geodesic, t: f64) -> Result<Arrival, Stop> {
     let field = |c, v| geometry.spray::<T>(c, v);
     let zero = T::from_f64(0.0);
     let (mut state, mut rest, mut proposal, mut steps) = (State::<T>::of(geometry, g), T::from_f64(t), zero, 0);

@@ -11,8 +11,8 @@ use super::{
     report::{Cell, Table},
 };
 use crate::{
-    geometry::{Geodesic, Geometry, GeometryId, Visitor, exponential, visit},
-    integrate::{Method, follow},
+    geometry::{Elementary, Geodesic, Geometry, GeometryId, Visitor, exponential, visit},
+    integrate::{Dopri5, Method, follow, march},
     render::{compute::probe::Probe, plan::integrator_number},
     shader_io::{PROBE_FLOW, PROBE_FOLLOW, ProbeIn},
 };
@@ -135,7 +135,7 @@ impl Visitor for Measure<'_> {
             row("cpu", "f64", on_cpu::<f64, G>(geometry, *method, &cases));
             // Below this the tolerance is one of f64.
             let single = !matches!(method, Method::Dopri5 { tolerance } if *tolerance < 1e-7);
-            if single && *method != Method::Exact {
+            if single {
                 row("cpu", "f32", on_cpu::<f32, G>(geometry, *method, &cases));
             }
             if let (true, Some(probe)) = (single, probe.as_mut()) {
@@ -177,7 +177,7 @@ fn cases<G: Geometry>(geometry: G, reference: &mut Table, id: GeometryId) -> Cas
     };
     let length = LENGTHS.into_iter().find(|length| shown(*length)).unwrap_or(0.5);
     let by = |tolerance: f64, g: &Geodesic| {
-        let arrival = follow::<Double, G>(geometry, Method::Dopri5 { tolerance }, *g, length);
+        let arrival = march::<Double, _, _>(geometry, Dopri5 { tolerance }, *g, length);
         // It stays in the chart, as was just seen.
         arrival.map_or_else(|_| geometry.flow(*g, length), |arrival| arrival.end)
     };
@@ -209,7 +209,7 @@ struct Run {
     steps: Option<f64>,
 }
 
-fn on_cpu<T: crate::geometry::Real, G: Geometry>(geometry: G, method: Method, cases: &Cases) -> Run {
+fn on_cpu<T: Elementary, G: Geometry>(geometry: G, method: Method, cases: &Cases) -> Run {
     let run =
         || cases.starts.iter().map(|g| follow::<T, G>(geometry, method, *g, cases.length).ok()).collect::<Vec<_>>();
     let began = Instant::now();
@@ -224,7 +224,7 @@ fn on_cpu<T: crate::geometry::Real, G: Geometry>(geometry: G, method: Method, ca
     Run {
         nanoseconds: began.elapsed().as_secs_f64() * 1e9 / units,
         steps: (method != Method::Exact).then(|| steps as f64 / (cases.length * cases.starts.len() as f64)),
-        ends: arrivals.into_iter().map(|a| a.map(|a| a.end)).collect(),
+        ends: arrivals.into_iter().map(|a| a.map(|a| a.end).filter(|end| end.point.is_finite())).collect(),
     }
 }
 

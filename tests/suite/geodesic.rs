@@ -2,8 +2,8 @@
 //!
 //! The yardstick of a case is its floor: how far its exact end moves if each input is rounded (every number by half
 //! of its last place, worst of several sign patterns), plus the rounding of the outputs. No program that gets and
-//! gives such numbers can promise less. Asserted is an error of at most 10 floors, in f64 on the cpu and in f32 on
-//! the device.
+//! gives such numbers can promise less. Asserted is an error of at most 10 floors, in f64 and in f32 on the cpu and in
+//! f32 on the device.
 
 use crate::support::{self, Random};
 use holonomy::measure::reference::{
@@ -288,102 +288,152 @@ fn worst_ratio(cases: Vec<Case>, args: &[&str], u: f64, spoil: impl Fn(usize, &m
     worst
 }
 
-/// Asserts an error of at most ten floors in f64.
-fn check_f64(cases: Vec<Case>) {
-    let (ratio, case) = worst_ratio(cases, &[], 2.0_f64.powi(-53), |_, _| ());
-    println!("f64: worst error is {ratio:.2} floors: {case}");
+/// How geodesics are computed.
+#[derive(Clone, Copy)]
+struct Way {
+    name: &'static str,
+    args: &'static [&'static str],
+    /// Relative rounding of its numbers.
+    rounding: f64,
+    /// A little too much for a result of order 1.
+    error: f64,
+}
+
+const DOUBLE: Way = Way { name: "f64", args: &[], rounding: f64::EPSILON / 2.0, error: 1e-13 };
+const SINGLE: Way =
+    Way { name: "f32 on the cpu", args: &["--precision", "f32"], rounding: f32::EPSILON as f64 / 2.0, error: 1e-5 };
+const DEVICE: Way = Way { name: "f32 on the device", args: &["--backend", "compute"], ..SINGLE };
+
+/// Asserts an error of at most ten floors.
+fn check(way: Way, cases: Vec<Case>) {
+    let (ratio, case) = worst_ratio(cases, way.args, way.rounding, |_, _| ());
+    println!("{}: worst error is {ratio:.2} floors: {case}", way.name);
     assert!(ratio < 10.0, "{ratio:.1} floors: {case}");
 }
 
-/// Asserts an error of at most `most` floors in f32 on the device.
-fn check_f32(cases: Vec<Case>, most: f64) {
+/// The same on the device, if there is one.
+fn check_device(cases: Vec<Case>) {
     let Some(_gpu) = support::gpu() else { return };
-    let (ratio, case) = worst_ratio(cases, &["--backend", "compute"], 2.0_f64.powi(-24), |_, _| ());
-    println!("f32: worst error is {ratio:.2} floors: {case}");
-    assert!(ratio < most, "{ratio:.1} floors: {case}");
+    check(DEVICE, cases);
 }
 
-/// Asserts that one result that is off by 1e-13 is caught.
-fn check_spoiled(cases: Vec<Case>, spoiled: usize) {
-    let (ratio, _) = worst_ratio(cases, &[], 2.0_f64.powi(-53), |index, v| {
+/// Asserts that one result that is off by a little is caught.
+fn check_spoiled(way: Way, cases: Vec<Case>, spoiled: usize) {
+    let (ratio, _) = worst_ratio(cases, way.args, way.rounding, |index, v| {
         if index == spoiled {
-            v[0] += 1e-13;
+            v[0] += way.error;
         }
     });
-    assert!(ratio > 10.0, "a result that is off by 1e-13 passed with {ratio:.1} floors");
+    assert!(ratio > 10.0, "a result that is off by {:.0e} passed with {ratio:.1} floors", way.error);
+}
+
+/// From e^88 on numbers leave f32: those lengths are an error there, which the command line's tests look at.
+fn sl2_cases_in_f32() -> Vec<Case> {
+    sl2_cases().into_iter().filter(|case| case.length < 90.0 || case.direction[2] != 0.0).collect()
 }
 
 #[test]
 fn geodesic_f64_is_within_ten_floors() {
-    check_f64(classical_cases());
+    check(DOUBLE, classical_cases());
 }
 
 #[test]
 fn geodesic_f64_is_within_ten_floors_in_products() {
-    check_f64(product_cases());
+    check(DOUBLE, product_cases());
 }
 
 #[test]
 fn geodesic_f64_is_within_ten_floors_in_nil() {
-    check_f64(nil_cases());
+    check(DOUBLE, nil_cases());
 }
 
 #[test]
 fn geodesic_f64_is_within_ten_floors_in_sol() {
-    check_f64(sol_cases());
+    check(DOUBLE, sol_cases());
 }
 
 #[test]
 fn geodesic_f64_is_within_ten_floors_in_sl2() {
-    check_f64(sl2_cases());
+    check(DOUBLE, sl2_cases());
 }
 
 #[test]
 fn geodesic_f64_is_within_ten_floors_in_the_trace_form() {
-    check_f64(trace_cases());
+    check(DOUBLE, trace_cases());
 }
 
 #[test]
 fn geodesic_f32_is_within_ten_floors() {
-    check_f32(classical_cases(), 10.0);
+    check(SINGLE, classical_cases());
 }
 
 #[test]
 fn geodesic_f32_is_within_ten_floors_in_products() {
-    check_f32(product_cases(), 10.0);
+    check(SINGLE, product_cases());
 }
 
 #[test]
 fn geodesic_f32_is_within_ten_floors_in_nil() {
-    check_f32(nil_cases(), 10.0);
+    check(SINGLE, nil_cases());
 }
 
 #[test]
 fn geodesic_f32_is_within_ten_floors_in_sol() {
-    check_f32(sol_cases(), 10.0);
+    check(SINGLE, sol_cases());
 }
 
 #[test]
 fn geodesic_f32_is_within_ten_floors_in_sl2() {
-    // From e^88 on numbers leave f32: those lengths are an error there, which the command line's tests look at.
-    check_f32(sl2_cases().into_iter().filter(|case| case.length < 90.0 || case.direction[2] != 0.0).collect(), 10.0);
+    check(SINGLE, sl2_cases_in_f32());
 }
 
 #[test]
 fn geodesic_f32_is_within_ten_floors_in_the_trace_form() {
-    check_f32(trace_cases(), 10.0);
+    check(SINGLE, trace_cases());
+}
+
+#[test]
+fn geodesic_f32_on_the_device_is_within_ten_floors() {
+    check_device(classical_cases());
+}
+
+#[test]
+fn geodesic_f32_on_the_device_is_within_ten_floors_in_products() {
+    check_device(product_cases());
+}
+
+#[test]
+fn geodesic_f32_on_the_device_is_within_ten_floors_in_nil() {
+    check_device(nil_cases());
+}
+
+#[test]
+fn geodesic_f32_on_the_device_is_within_ten_floors_in_sol() {
+    check_device(sol_cases());
+}
+
+#[test]
+fn geodesic_f32_on_the_device_is_within_ten_floors_in_sl2() {
+    check_device(sl2_cases_in_f32());
+}
+
+#[test]
+fn geodesic_f32_on_the_device_is_within_ten_floors_in_the_trace_form() {
+    check_device(trace_cases());
 }
 
 #[test]
 fn geodesic_spoiled_result_is_caught() {
-    check_spoiled(classical_cases(), 11);
-    // The first of length 1, from the base point, of each curvature.
-    check_spoiled(product_cases(), 18);
-    check_spoiled(product_cases(), 198);
-    check_spoiled(nil_cases(), 66);
-    check_spoiled(sol_cases(), 2);
-    check_spoiled(sl2_cases(), 2);
-    check_spoiled(trace_cases(), 2);
+    for way in [DOUBLE, SINGLE] {
+        check_spoiled(way, classical_cases(), 11);
+        // The first of length 1, from the base point, of each curvature.
+        check_spoiled(way, product_cases(), 18);
+        check_spoiled(way, product_cases(), 198);
+        check_spoiled(way, nil_cases(), 66);
+        check_spoiled(way, sol_cases(), 2);
+        check_spoiled(way, sl2_cases_in_f32(), 2);
+        check_spoiled(way, trace_cases(), 2);
+    }
 }
 
 #[test]
@@ -417,9 +467,11 @@ fn geodesic_over_the_edge_of_the_chart_is_an_error_that_says_so() {
     let case =
         |length: f64| json!({ "geometry": "sl2-trace", "from": [0, 0, 0], "direction": [0, 1, -1], "length": length });
     // x = cos t − 1 comes to −1 after a quarter turn.
-    for length in [FRAC_PI_2 + 1e-9, -FRAC_PI_2 - 1e-9, 2.0, 6.3] {
-        let error = answer(&[], &case(length))["error"].to_string();
-        assert!(error.contains("x = -1, the edge of the chart"), "{error}");
+    for way in [DOUBLE, SINGLE] {
+        for length in [FRAC_PI_2 + 1e-9, -FRAC_PI_2 - 1e-9, 2.0, 6.3] {
+            let error = answer(way.args, &case(length))["error"].to_string();
+            assert!(error.contains("x = -1, the edge of the chart"), "{error}");
+        }
     }
     assert!(answer(&[], &case(FRAC_PI_2 - 1e-9)).get("error").is_none());
     assert!(answer(&[], &case(1e-9 - FRAC_PI_2)).get("error").is_none());
@@ -429,10 +481,8 @@ fn geodesic_over_the_edge_of_the_chart_is_an_error_that_says_so() {
     assert!(answer(&[], &edge)["error"].to_string().contains("not a point"));
 }
 
-/// Numbers out of range are an error on both sides, never a silent wrong one; what f32 can hold the device gives.
-#[test]
-fn geodesic_that_leaves_f32_is_an_error_and_all_else_is_finite() {
-    let Some(_gpu) = support::gpu() else { return };
+/// Numbers out of range are an error on both sides, never a silent wrong one; what f32 can hold is given.
+fn check_range(way: Way) {
     let mut random = Random(88);
     let small = [0.0, 1e-30, 1e-12, 1e-6, 1e-3, 1.0];
     let mut lines = Vec::new();
@@ -449,7 +499,7 @@ fn geodesic_that_leaves_f32_is_an_error_and_all_else_is_finite() {
         }
     }
     let double = support::run_batch(&["geodesic"], &lines);
-    let single = support::run_batch(&["geodesic", "--backend", "compute"], &lines);
+    let single = support::run_batch(&[&["geodesic"], way.args].concat(), &lines);
     let mut refused = 0;
     for ((case, double), single) in lines.iter().zip(&double).zip(&single) {
         let Some(point) = double.get("point") else {
@@ -475,4 +525,15 @@ fn geodesic_that_leaves_f32_is_an_error_and_all_else_is_finite() {
         }
     }
     assert!(refused > 0, "no case leaves f32");
+}
+
+#[test]
+fn geodesic_that_leaves_f32_is_an_error_and_all_else_is_finite() {
+    check_range(SINGLE);
+}
+
+#[test]
+fn geodesic_that_leaves_f32_on_the_device_is_an_error_and_all_else_is_finite() {
+    let Some(_gpu) = support::gpu() else { return };
+    check_range(DEVICE);
 }

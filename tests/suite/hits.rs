@@ -8,7 +8,8 @@ use crate::{laws::broken, support::Random};
 use glam::{DMat4, DVec2, DVec3, DVec4};
 use holonomy::{
     geometry::{
-        ALONG_FACE, E3, Geodesic, Geometry, H3, Isometry, ON_FACE, Quadric, Real, Real3, S3, Segment, exponential,
+        ALONG_FACE, E3, Elementary, Geodesic, Geometry, H3, Isometry, ON_FACE, Quadric, Real, Real3, RealGeodesic, S3,
+        Segment, exponential,
     },
     render::{
         Shot,
@@ -45,7 +46,6 @@ macro_rules! as_in_the_model {
             inner(p: DVec4, u: DVec4, v: DVec4) -> f64;
             norm(p: DVec4, v: DVec4) -> f64;
             frame(p: DVec4) -> [DVec4; 3];
-            flow(g: Geodesic, t: f64) -> Geodesic;
             log(p: DVec4, q: DVec4) -> (DVec4, f64);
             closeness(p: DVec4, q: DVec4) -> f64;
             transport(g: Geodesic, t: f64, w: DVec4) -> DVec4;
@@ -58,6 +58,9 @@ macro_rules! as_in_the_model {
             compose(a: &Isometry, b: &Isometry) -> Isometry;
             inverse(m: &Isometry) -> Isometry;
             isometry_residual(m: &Isometry) -> f64;
+        }
+        fn flow_in<T: Elementary>(&self, g: RealGeodesic<T>, t: T) -> RealGeodesic<T> {
+            self.0.flow_in(g, t)
         }
     };
 }

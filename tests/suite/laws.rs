@@ -3,7 +3,10 @@
 use crate::support;
 use glam::{DMat4, DVec3, DVec4};
 use holonomy::geometry::laws::{laws, samples};
-use holonomy::geometry::{GEOMETRIES, Geodesic, Geometry, GeometryId, Isometry, Quadric, Real, Real3, Visitor, visit};
+use holonomy::geometry::{
+    Elementary, GEOMETRIES, Geodesic, Geometry, GeometryId, Isometry, Quadric, Real, Real3, RealGeodesic, Visitor,
+    visit,
+};
 
 /// Seed of all samples; change it to look elsewhere.
 const SEED: u64 = 20_210_415;
@@ -248,8 +251,8 @@ impl<G: Geometry> Geometry for Spoilt<G> {
         let [a, b, c] = self.geometry.frame(p);
         [a, self.vector("frame", b), c]
     }
-    fn flow(&self, g: Geodesic, t: f64) -> Geodesic {
-        self.geodesic("flow", self.geometry.flow(g, t))
+    fn flow_in<T: Elementary>(&self, g: RealGeodesic<T>, t: T) -> RealGeodesic<T> {
+        RealGeodesic::from_f64(self.geodesic("flow", self.geometry.flow_in(g, t).to_f64()))
     }
     fn log(&self, p: DVec4, q: DVec4) -> (DVec4, f64) {
         let (direction, length) = self.geometry.log(p, q);

@@ -175,6 +175,17 @@ fn measure_accuracy_reports_what_it_promises() {
         });
         row.and_then(|row| row["error worst"].as_f64()).expect("a row")
     };
+    // The closed form has no parameter, and its error says in which numbers it was computed.
+    let exact: Vec<(Value, f64)> = rows("geodesics")
+        .into_iter()
+        .filter(|row| row["integrator"] == "exact" && row["backend"] == "cpu" && row["refused"] == 0.0)
+        .map(|row| (row["precision"].clone(), row["error worst"].as_f64().expect("a number")))
+        .collect();
+    assert!(
+        matches!(exact.as_slice(), [(double, a), (single, b)]
+            if double == "f64" && *a < 1e-13 && single == "f32" && (1e-9..1e-5).contains(b)),
+        "{exact:?}"
+    );
     assert!(error("euler", 0.1) > 5.0 * error("euler", 0.01), "Euler's error falls with the step");
     assert!(error("rk4", 0.1) > 1e3 * error("rk4", 0.01), "the error of order 4 falls with the step");
     assert!(error("dopri5", 1e-13) < 1e-10, "the adaptive method keeps its tolerance");

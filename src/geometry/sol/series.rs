@@ -1,68 +1,83 @@
 //! Taylor series of Sol's geodesics, of their variations and of parallel vectors along them.
 
-use super::product;
+use super::{super::Elementary, Real3, product};
 use glam::{DMat3, DVec3};
 use std::f64::consts::TAU;
 
 /// Order of the series in f64: with a factor 6 each, the rest is below 1e-17.
 pub const ORDER: usize = 22;
 
-/// Longest step.
+/// Longest step in f64.
 pub(super) const STEP: f64 = 0.25;
 
-/// Steps of this size gain a factor 12 with each order, so that fewer make the rest as small.
-const SHORT: f64 = 0.125;
-
-/// Their order.
+/// Order of the series that short steps need, of which each order gains more.
 const SHORT_ORDER: usize = 14;
 
 /// From this length on whole periods are counted.
 const LONG: f64 = 64.0;
 
-/// A geodesic without period may reach this far: beyond it, e^z leaves f64.
-const REACH: f64 = 700.0;
-
-/// The series from the identity: `e²ᶻ`, `e⁻²ᶻ` and `w = z′`.
-pub(super) struct Series<const N: usize> {
-    velocity: DVec3,
-    p: [f64; N],
-    q: [f64; N],
-    w: [f64; N],
+/// What depends on the precision.
+struct Limits {
+    /// Steps up to this size are exact to rounding with [`SHORT_ORDER`]: they gain a factor π/2 over the step each.
+    short: f64,
+    /// Longest step.
+    step: f64,
+    /// A geodesic without period may reach this far: beyond it, e^z leaves the numbers.
+    reach: f64,
 }
 
-impl<const N: usize> Series<N> {
-    fn new(velocity: DVec3) -> Self {
-        let (mut p, mut q, mut w) = ([0.0; N], [0.0; N], [0.0; N]);
-        (p[0], q[0], w[0]) = (1.0, 1.0, velocity.z);
+const fn limits<T: Elementary>() -> Limits {
+    if T::EPSILON < 1e-10 {
+        Limits { short: 0.125, step: STEP, reach: 700.0 }
+    } else {
+        Limits { short: 0.5, step: 0.5, reach: 85.0 }
+    }
+}
+
+/// The series from the identity: `e²ᶻ`, `e⁻²ᶻ` and `w = z′`.
+pub(super) struct Series<T, const N: usize> {
+    velocity: Real3<T>,
+    p: [T; N],
+    q: [T; N],
+    w: [T; N],
+}
+
+impl<T: Elementary, const N: usize> Series<T, N> {
+    fn new(velocity: Real3<T>) -> Self {
+        let [zero, one, two] = [0.0, 1.0, 2.0].map(T::from_f64);
+        let (mut p, mut q, mut w) = ([zero; N], [zero; N], [zero; N]);
+        (p[0], q[0], w[0]) = (one, one, velocity.z);
         let (uu, vv) = (velocity.x * velocity.x, velocity.y * velocity.y);
         for k in 0..N - 1 {
-            let next = (k + 1) as f64;
-            let (mut pw, mut qw) = (0.0, 0.0);
+            let next = T::from_f64((k + 1) as f64);
+            let (mut pw, mut qw) = (zero, zero);
             for j in 0..=k {
-                pw += p[j] * w[k - j];
-                qw += q[j] * w[k - j];
+                pw = pw + p[j] * w[k - j];
+                qw = qw + q[j] * w[k - j];
             }
             w[k + 1] = (vv * q[k] - uu * p[k]) / next;
-            p[k + 1] = 2.0 * pw / next;
-            q[k + 1] = -2.0 * qw / next;
+            p[k + 1] = two * pw / next;
+            q[k + 1] = -two * qw / next;
         }
         Self { velocity, p, q, w }
     }
 
     /// Point after `s`, in coordinates about the start, and its derivative.
-    pub(super) fn chart(&self, s: f64) -> (DVec3, DVec3) {
-        let (mut end, mut rate) = (DVec3::ZERO, DVec3::ZERO);
+    pub(super) fn chart(&self, s: T) -> (Real3<T>, Real3<T>) {
+        let (mut end, mut rate) = (Real3::zero(), Real3::zero());
         for k in (0..N).rev() {
-            let term = DVec3::new(self.velocity.x * self.p[k], self.velocity.y * self.q[k], self.w[k]);
+            let term = Real3::new(self.velocity.x * self.p[k], self.velocity.y * self.q[k], self.w[k]);
             rate = rate * s + term;
-            end = end * s + term / (k + 1) as f64;
+            end = end * s + term / T::from_f64((k + 1) as f64);
         }
         (end * s, rate)
     }
+}
 
+impl<const N: usize> Series<f64, N> {
     /// What the variation `[e^z δA, e^−z δB, δz, δw]` of the start makes of z and w, and of x and y about the start.
     fn vary(&self, [a, b, z, w]: [f64; 4], s: f64) -> [f64; 4] {
-        let DVec3 { x: u, y: v, .. } = self.velocity;
+        let Real3 { x: u, y: v, .. } = self.velocity;
         let (mut dz, mut dw) = ([0.0; N], [0.0; N]);
         (dz[0], dw[0]) = (z, w);
         let mut out = [0.0; 4];
@@ -90,86 +105,91 @@ impl<const N: usize> Series<N> {
 }
 
 /// A sum with what rounding has cut off from it (Knuth's two-sum).
-#[derive(Clone, Copy, Default)]
-struct Sum {
-    value: f64,
-    rest: f64,
+#[derive(Clone, Copy)]
+struct Sum<T> {
+    value: T,
+    rest: T,
 }
 
-impl Sum {
-    fn add(&mut self, x: f64) {
+impl<T: Elementary> Sum<T> {
+    fn new(value: T) -> Self {
+        Self { value, rest: T::from_f64(0.0) }
+    }
+
+    fn add(&mut self, x: T) {
         let sum = self.value + x;
         let part = sum - self.value;
-        self.rest += (self.value - (sum - part)) + (x - part);
+        self.rest = self.rest + ((self.value - (sum - part)) + (x - part));
         self.value = sum;
     }
 
-    fn total(self) -> f64 {
+    fn total(self) -> T {
         self.value + self.rest
     }
 }
 
 /// A geodesic from the identity, walked in steps.
-pub(super) struct Track {
-    start: DVec3,
-    x: Sum,
-    y: Sum,
-    z: Sum,
-    w: Sum,
+pub(super) struct Track<T> {
+    start: Real3<T>,
+    x: Sum<T>,
+    y: Sum<T>,
+    z: Sum<T>,
+    w: Sum<T>,
 }
 
-impl Track {
-    pub(super) fn new(velocity: DVec3) -> Self {
-        let mut w = Sum::default();
-        w.add(velocity.z);
-        Self { start: velocity, x: Sum::default(), y: Sum::default(), z: Sum::default(), w }
+impl<T: Elementary> Track<T> {
+    pub(super) fn new(velocity: Real3<T>) -> Self {
+        let zero = Sum::new(T::from_f64(0.0));
+        Self { start: velocity, x: zero, y: zero, z: zero, w: Sum::new(velocity.z) }
     }
 
-    pub(super) fn point(&self) -> DVec3 {
-        DVec3::new(self.x.total(), self.y.total(), self.z.total())
+    pub(super) fn point(&self) -> Real3<T> {
+        Real3::new(self.x.total(), self.y.total(), self.z.total())
     }
 
     /// e^z, with the digits of z that its rounding has cut off.
-    fn rise(&self) -> f64 {
-        self.z.value.exp() * (1.0 + self.z.rest)
+    fn rise(&self) -> T {
+        self.z.value.exp() * (T::from_f64(1.0) + self.z.rest)
     }
 
-    pub(super) fn velocity(&self) -> DVec3 {
-        let rise = self.rise();
-        DVec3::new(if self.start.x == 0.0 { 0.0 } else { self.start.x * rise }, self.start.y / rise, self.w.total())
+    pub(super) fn velocity(&self) -> Real3<T> {
+        let (rise, zero) = (self.rise(), T::from_f64(0.0));
+        let u = if self.start.x == zero { zero } else { self.start.x * rise };
+        Real3::new(u, self.start.y / rise, self.w.total())
     }
 
-    pub(super) fn series(&self) -> Series<{ ORDER + 1 }> {
+    pub(super) fn series(&self) -> Series<T, { ORDER + 1 }> {
         Series::new(self.velocity())
     }
 
-    /// One step of at most [`STEP`], by a series of the order that it needs: arcs are short.
-    fn advance(&mut self, h: f64) {
-        if h.abs() <= SHORT {
-            self.step(&Series::<{ SHORT_ORDER + 1 }>::new(self.velocity()), h);
+    /// One step of at most the longest, by a series of the order that it needs: arcs are short.
+    fn advance(&mut self, h: T) {
+        if h.abs() <= T::from_f64(const { limits::<T>().short }) {
+            self.step(&Series::<T, { SHORT_ORDER + 1 }>::new(self.velocity()), h);
         } else {
             self.step(&self.series(), h);
         }
     }
 
-    pub(super) fn step<const N: usize>(&mut self, series: &Series<N>, h: f64) {
+    pub(super) fn step<const N: usize>(&mut self, series: &Series<T, N>, h: T) {
+        let (zero, one) = (T::from_f64(0.0), T::from_f64(1.0));
         let (end, _) = series.chart(h);
-        let moved = product(DVec3::new(0.0, 0.0, self.z.value), end);
-        self.x.add(moved.x * (1.0 + self.z.rest));
-        self.y.add(moved.y * (1.0 - self.z.rest));
+        let moved = product(Real3::new(zero, zero, self.z.value), end);
+        self.x.add(moved.x * (one + self.z.rest));
+        self.y.add(moved.y * (one - self.z.rest));
         self.z.add(end.z);
-        let bend = (0..N - 1).rev().fold(0.0, |sum, k| sum * h + series.w[k + 1]);
+        let bend = (0..N - 1).rev().fold(zero, |sum, k| sum * h + series.w[k + 1]);
         self.w.add(bend * h);
     }
 }
 
-/// Number of equal steps of at most [`STEP`], and their size.
-fn steps(t: f64) -> (usize, f64) {
-    let count = (t.abs() / STEP).ceil().max(1.0);
-    (count as usize, t / count)
+/// Number of equal steps of at most the longest, and their size.
+fn steps<T: Elementary>(t: T) -> (usize, T) {
+    let count = (t.abs() / T::from_f64(const { limits::<T>().step })).ceil().max(T::from_f64(1.0));
+    (count.to_f64() as usize, t / count)
 }
 
-fn walk(velocity: DVec3, t: f64) -> Track {
+fn walk<T: Elementary>(velocity: Real3<T>, t: T) -> Track<T> {
     let mut track = Track::new(velocity);
     let (count, h) = steps(t);
     for _ in 0..count {
@@ -179,29 +199,33 @@ fn walk(velocity: DVec3, t: f64) -> Track {
 }
 
 /// Length after which z and the velocity return.
-fn period(velocity: DVec3) -> f64 {
+fn period<T: Elementary>(velocity: Real3<T>) -> T {
+    let [half, two, full_turn] = [0.5, 2.0, TAU].map(T::from_f64);
     let k = (velocity.x * velocity.y).abs();
-    let (mut a, mut b) = ((velocity.length_squared() + 2.0 * k).sqrt(), 2.0 * k.sqrt());
+    let (mut a, mut b) = ((velocity.dot(velocity) + two * k).sqrt(), two * k.sqrt());
     for _ in 0..20 {
-        (a, b) = (0.5 * (a + b), (a * b).sqrt());
+        (a, b) = (half * (a + b), (a * b).sqrt());
     }
-    if b > 0.0 { TAU / b } else { f64::INFINITY }
+    if b > T::from_f64(0.0) { full_turn / b } else { T::from_f64(f64::INFINITY) }
 }
 
 /// End point and frame velocity after length `t`, from the identity.
-pub(super) fn flow(velocity: DVec3, t: f64) -> (DVec3, DVec3) {
-    let mut whole = DVec3::ZERO;
+pub(super) fn flow<T: Elementary>(velocity: Real3<T>, t: T) -> (Real3<T>, Real3<T>) {
+    let mut whole = Real3::zero();
     let mut rest = t;
-    if t.abs() > LONG {
+    if t.abs() > T::from_f64(LONG) {
         let period = period(velocity);
         let turns = (t / period).trunc();
-        if turns != 0.0 {
-            whole = (walk(velocity, period).point() * turns).with_z(0.0);
+        if turns != T::from_f64(0.0) {
+            whole = (walk(velocity, period).point() * turns).xy().extend(T::from_f64(0.0));
             rest = t - turns * period;
         }
     }
-    if rest.is_nan() || rest.abs() > REACH {
-        return (DVec3::INFINITY, DVec3::INFINITY);
+    // What is no number is within nothing.
+    let within = rest.abs() <= T::from_f64(const { limits::<T>().reach });
+    if !within {
+        let infinite = Real3::splat(T::from_f64(f64::INFINITY));
+        return (infinite, infinite);
     }
     let track = walk(velocity, rest);
     (whole + track.point(), track.velocity())
@@ -209,24 +233,24 @@ pub(super) fn flow(velocity: DVec3, t: f64) -> (DVec3, DVec3) {
 
 /// End point after length `t` by `count` equal steps of a series of order `N − 1`, for measuring the order.
 pub fn endpoint_with<const N: usize>(velocity: DVec3, t: f64, count: usize) -> DVec3 {
-    let mut track = Track::new(velocity);
+    let mut track = Track::new(Real3::from_f64(velocity));
     for _ in 0..count {
-        let series = Series::<N>::new(track.velocity());
+        let series = Series::<f64, N>::new(track.velocity());
         track.step(&series, t / count as f64);
     }
-    track.point()
+    track.point().to_f64()
 }
 
 /// End point after length `t` for unit `velocity`, and the differential of the exponential map at `t velocity` in
-/// the frames of both ends; infinite beyond [`REACH`].
+/// the frames of both ends; infinite beyond the reach.
 pub(super) fn differential(velocity: DVec3, t: f64) -> (DVec3, DMat3) {
     if t == 0.0 {
         return (DVec3::ZERO, DMat3::IDENTITY);
     }
-    if t.is_nan() || t.abs() > REACH {
+    if t.is_nan() || t.abs() > limits::<f64>().reach {
         return (DVec3::INFINITY, DMat3::from_diagonal(DVec3::INFINITY));
     }
-    let mut track = Track::new(velocity);
+    let mut track = Track::new(Real3::from_f64(velocity));
     let (count, h) = steps(t);
     // Of each axis of the velocity's space: variation of x, y (in coordinates about the start), z and w.
     let mut varied = DVec3::AXES.map(|axis| [0.0, 0.0, 0.0, axis.z]);
@@ -242,14 +266,14 @@ pub(super) fn differential(velocity: DVec3, t: f64) -> (DVec3, DMat3) {
     }
     let rise = track.rise();
     let [a, b, c] = varied.map(|[x, y, z, _]| DVec3::new(x / rise, y * rise, z) / t);
-    (track.point(), DMat3::from_cols(a, b, c))
+    (track.point().to_f64(), DMat3::from_cols(a, b, c))
 }
 
 /// Parallel transport of `vector` by length `t`. In the left-invariant frame `p′ = u r`, `q′ = −v r`,
 /// `r′ = v q − u p` for the vector `(p, q, r)` (Koszul's formula), and `u′ = u w`, `v′ = −v w`.
 pub(super) fn transport(velocity: DVec3, t: f64, vector: DVec3) -> DVec3 {
     const N: usize = ORDER + 1;
-    let mut track = Track::new(velocity);
+    let mut track = Track::new(Real3::from_f64(velocity));
     let (count, h) = steps(t);
     let norm = vector.length();
     let mut vector = vector;

@@ -66,7 +66,7 @@ impl Bench {
         let mut bench = Self::default();
         for &on in wanted {
             let tier = match on {
-                On::Cpu => {
+                On::Cpu | On::CpuSingle => {
                     bench.cpu = Some(Pictures::new(CpuBackend::default()));
                     continue;
                 }
@@ -93,7 +93,7 @@ impl Bench {
     /// Driver failures.
     pub fn add(&mut self, on: On, context: &Arc<Context>) -> Result<(), VulkanError> {
         match on {
-            On::Cpu => self.cpu = Some(Pictures::new(CpuBackend::default())),
+            On::Cpu | On::CpuSingle => self.cpu = Some(Pictures::new(CpuBackend::default())),
             On::Compute => self.compute = Some((context.clone(), Pictures::new(ComputeBackend::new(context)?))),
             On::Rt => self.rt = Some(Pictures::new(RtBackend::new(context)?)),
         }
@@ -103,16 +103,17 @@ impl Bench {
     /// Whether a backend is there.
     pub fn has(&self, on: On) -> bool {
         match on {
-            On::Cpu => self.cpu.is_some(),
+            On::Cpu | On::CpuSingle => self.cpu.is_some(),
             On::Compute => self.compute.is_some(),
             On::Rt => self.rt.is_some(),
         }
     }
 
-    /// The backends that are there, with their devices.
+    /// The backends that are there and draw, with their devices.
     pub fn devices(&self) -> Vec<(On, String)> {
         let pictures = |on| match on {
             On::Cpu => self.cpu.as_ref(),
+            On::CpuSingle => None,
             On::Compute => self.compute.as_ref().map(|(_, pictures)| pictures),
             On::Rt => self.rt.as_ref(),
         };
@@ -166,6 +167,7 @@ impl Bench {
         let scene = scene()?;
         let pictures = match on {
             On::Cpu => self.cpu.as_mut(),
+            On::CpuSingle => None,
             On::Compute => self.compute.as_mut().map(|(_, pictures)| pictures),
             On::Rt => self.rt.as_mut(),
         };

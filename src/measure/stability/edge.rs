@@ -1,7 +1,7 @@
 //! What has no answer is refused, in words, and never answered with numbers that are wrong or none.
 
 use super::{
-    Bench, Case, Family, NUMBERS, On, Reading, Trouble,
+    Bench, Case, FLOWS, Family, On, Reading, Trouble,
     geodesic::{Start, ends, is_indefinite},
 };
 use crate::{
@@ -30,7 +30,7 @@ fn is_as_expected(result: &Result<crate::geometry::Geodesic, GeometryError>, exp
 }
 
 pub(super) fn cases() -> Vec<Case> {
-    let family = Family { name: "edge", quantity: "answers that should be refusals, or refusals answers", on: NUMBERS };
+    let family = Family { name: "edge", quantity: "answers that should be refusals, or refusals answers", on: FLOWS };
     let mut cases = Vec::new();
     for entry in GEOMETRIES {
         let id = entry.id;

@@ -5,9 +5,10 @@
 //! such numbers can promise less; the limit is ten floors. A case is a sweep over lengths, from the base point and from
 //! elsewhere, and reports its worst.
 
-use super::{Bench, Case, Family, NUMBERS, On, Random, Reading, Trouble};
+use super::{Bench, Case, FLOWS, Family, On, Random, Reading, Trouble};
 use crate::{
     geometry::{Geodesic, Geometry, GeometryError, GeometryId, Visitor, settle_geodesic, visit},
+    integrate::Exact,
     measure::reference::{Big, BigGeodesic, Model, apart, distance, model},
     shader_io::{PROBE_FLOW, ProbeIn},
 };
@@ -244,7 +245,7 @@ impl Start {
 }
 
 pub(super) fn cases() -> Vec<Case> {
-    let family = Family { name: "geodesic", quantity: "end point or direction off, worst of the sweep", on: NUMBERS };
+    let family = Family { name: "geodesic", quantity: "end point or direction off, worst of the sweep", on: FLOWS };
     let scales = Family { name: "direction-scale", ..family };
     let tiny = Family { name: "denormal", ..family };
     let mut cases = Vec::new();
@@ -330,16 +331,18 @@ pub(super) fn ends(
     id: GeometryId,
     starts: &[Start],
 ) -> Result<Vec<Result<Geodesic, GeometryError>>, Trouble> {
-    struct Flow(Geodesic, f64);
+    struct Flow(Geodesic, f64, On);
     impl Visitor for Flow {
         type Output = (Geodesic, Option<&'static str>);
         fn visit<G: Geometry>(self, geometry: G) -> Self::Output {
-            (geometry.flow(self.0, self.1), geometry.edge(self.0, self.1))
+            let Self(state, length, on) = self;
+            let follow = if on == On::Cpu { Exact::follow::<f64, G> } else { Exact::follow::<f32, G> };
+            (follow(&Exact, geometry, state, length).end, geometry.edge(state, length))
         }
     }
     let settled: Vec<_> = starts.iter().map(|start| settle(id, start.from, start.direction)).collect();
     let computed: Vec<Geodesic> = match on {
-        On::Cpu => Vec::new(),
+        On::Cpu | On::CpuSingle => Vec::new(),
         _ => {
             let single = |v: DVec4| v.as_vec4().to_array();
             let input = |(state, start): (&Result<Geodesic, _>, &Start)| {
@@ -360,7 +363,7 @@ pub(super) fn ends(
         .map(|(index, (state, start))| {
             let (length, geometry) = (start.length, id.name());
             let state = state?;
-            let (flown, edge) = visit(id, Flow(state, length));
+            let (flown, edge) = visit(id, Flow(state, length, on));
             if let Some(edge) = edge {
                 return Err(GeometryError::Edge { length, edge, geometry });
             }

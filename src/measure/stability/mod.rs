@@ -14,7 +14,7 @@
 //! `book`.
 //!
 //! `f64` cases run on the cpu, `f32` ones on the device: geodesics through the probe, walks through the stages of the
-//! shaders (`shaders/entry/walk.comp`), pictures through the backends themselves.
+//! shaders (`shaders/entry/walk.comp`), pictures through the backends themselves. Flows run in `f32` on the cpu, too.
 
 mod backward;
 pub mod bench;
@@ -40,6 +40,9 @@ use serde::Serialize;
 pub enum On {
     /// f64, no Vulkan.
     Cpu,
+    /// f32, no Vulkan: flows alone.
+    #[serde(rename = "cpu-f32")]
+    CpuSingle,
     /// f32 in compute shaders.
     Compute,
     /// f32 in the ray tracing pipeline.
@@ -48,12 +51,13 @@ pub enum On {
 
 impl On {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Cpu, Self::Compute, Self::Rt];
+    pub const ALL: [Self; 4] = [Self::Cpu, Self::CpuSingle, Self::Compute, Self::Rt];
 
     /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Cpu => "cpu",
+            Self::CpuSingle => "cpu-f32",
             Self::Compute => "compute",
             Self::Rt => "rt",
         }
@@ -179,12 +183,14 @@ impl Family {
     }
 }
 
+/// Cases of flows alone.
+const FLOWS: &[On] = &[On::Cpu, On::CpuSingle, On::Compute];
 /// Cases that need no pictures: wherever there is a cpu or a compute shader.
 const NUMBERS: &[On] = &[On::Cpu, On::Compute];
 /// Cases of functions that only the host has.
 const HOST: &[On] = &[On::Cpu];
 /// Cases of pictures.
-const PICTURES: &[On] = &On::ALL;
+const PICTURES: &[On] = &[On::Cpu, On::Compute, On::Rt];
 
 /// All cases, by family.
 pub fn cases() -> Vec<Case> {

@@ -132,6 +132,11 @@ fn geodesic_batch_refuses_line_by_line() {
 }
 
 #[test]
+fn geodesic_batch_refuses_the_same_in_f32() {
+    check_mixed(&Place::new().feed(&["geodesic", "--batch", "-", "--precision", "f32"], &mixed()).json_lines(), 1e-6);
+}
+
+#[test]
 fn geodesic_batch_refuses_the_same_on_the_device() {
     let Some((_turn, _)) = gpu_turn() else { return };
     check_mixed(&Place::new().feed(&["geodesic", "--batch", "-", "--backend", "compute"], &mixed()).json_lines(), 1e-6);
@@ -153,6 +158,8 @@ fn far(backend: &[&str], precision: &str, [inside, outside]: [f64; 2]) {
 #[test]
 fn geodesic_that_leaves_the_range_is_refused() {
     far(&[], "f64", [700.0, 800.0]);
+    far(&["--precision", "f32"], "f32", [80.0, 100.0]);
+    far(&["--precision", "f32", "--backend", "cpu"], "f32", [80.0, 800.0]);
     let place = Place::new();
     let args = ["geodesic", "--geometry=h3", "--from=0,0,0,1", "--direction=1,0,0,0", "--length=800"];
     assert_eq!(place.refusal(&args), "the end point after length 800 leaves the range of f64 in h3");
@@ -162,7 +169,7 @@ fn geodesic_that_leaves_the_range_is_refused() {
 fn geodesic_that_leaves_the_range_is_refused_on_the_device() {
     let Some((_turn, _)) = gpu_turn() else { return };
     far(&["--backend", "compute"], "f32", [80.0, 100.0]);
-    far(&["--precision", "f32"], "f32", [80.0, 800.0]);
+    far(&["--precision", "f32", "--backend", "auto"], "f32", [80.0, 800.0]);
 }
 
 #[test]
@@ -200,13 +207,8 @@ fn geodesic_arguments_are_refused_on_one_line() {
         refusal(&format!("{start} --direction 0,0,1 --length inf")),
         "invalid value 'inf' for '--length <T>': the number must be finite"
     );
-    let precision = format!("{start} --direction 0,0,1 --length 1 --precision");
     assert_eq!(
-        refusal(&format!("{precision} f32 --backend cpu")),
-        "the cpu computes exact flows in f64: for f32 use --backend compute"
-    );
-    assert_eq!(
-        refusal(&format!("{precision} f64 --backend compute")),
+        refusal(&format!("{start} --direction 0,0,1 --length 1 --precision f64 --backend compute")),
         "the device computes in f32: for f64 use --backend cpu"
     );
     let line = refusal("geodesic --geometry e4");
