@@ -102,6 +102,23 @@ uint together_stack() {
     return (group * gl_NumSubgroups + gl_SubgroupID) * IO_TOGETHER;
 }
 
+// Which entries of a common stack an invocation would visit by itself: a bit each, only kept where nodes are counted.
+uint together_owned[IO_STACK_SIZE / 32u];
+
+bool together_counts() {
+    return IO_TOGETHER > 0u && (IO_COUNTERS || IO_HEAT == IO_COUNT_NODES + 1u);
+}
+
+void together_own(uint entry, bool own) {
+    if (!together_counts()) return;
+    uint bit = 1u << (entry & 31u);
+    together_owned[entry >> 5u] = (together_owned[entry >> 5u] & ~bit) | (own ? bit : 0u);
+}
+
+bool together_owns(uint entry) {
+    return !together_counts() || ((together_owned[entry >> 5u] >> (entry & 31u)) & 1u) != 0u;
+}
+
 // Walks the hierarchy of a cell front to back; returns the primitive hit, or IO_NONE. With `any_hit` the first one found
 // will do. Choices that all invocations of a subgroup share are made without branches, as far as possible: software keeps
 // what branches and loops change in vectors, and what they do not in scalars.
@@ -115,12 +132,13 @@ uint traverse_cell(Segment segment, uint cell, bool any_hit) {
     uint stack[IO_STACK_SIZE]; // of an invocation that walks alone
     uint base = together_stack();
     if (IO_TOGETHER > 0u) io_stacks[base] = root; else stack[0] = root;
+    together_own(0u, true);
     uint depth = 1u;
     while (true) {
         uint top = together_first(depth) - 1u;
         uint current = IO_TOGETHER > 0u ? io_stacks[base + top] : stack[top];
         Node node = io_nodes[reference_index(current)];
-        count(IO_COUNT_NODES);
+        if (together_owns(top)) count(IO_COUNT_NODES);
         uint own = slabs_entered(slabs, node, s_end);
         uint entered = together_or(own);
         // The children from near to far: primitives at once.
@@ -143,6 +161,7 @@ uint traverse_cell(Segment segment, uint cell, bool any_hit) {
         [[unroll]] for (uint k = 0u; k < 4u; k++) {
             uint i = 3u - k;
             if (IO_TOGETHER > 0u) io_stacks[base + top] = children[i]; else stack[top] = children[i];
+            together_own(top, (own & bits[i]) != 0u);
             top += among[i] && reference_kind(children[i]) < IO_REFERENCE_NOTHING ? 1u : 0u;
         }
         if (top == 0u) break;
