@@ -286,8 +286,10 @@ impl Still {
                 same && triangles.boxes.is_none() && opaque(*first).eq(opaque(index))
             })
         };
-        let mut has_images = vec![false; copies.len()];
-        (0..copies.len()).filter_map(shared).for_each(|(first, _)| has_images[first] = true);
+        // Of its own is what others are images of; and, because software traverses large structures of boxes badly (1.5
+        // times the time in the curved spaces), each copy whose triangles have boxes.
+        let mut own = vec![triangles.boxes.is_some(); copies.len()];
+        (0..copies.len()).filter_map(shared).for_each(|(first, _)| own[first] = true);
         let mut blueprints: Vec<Blueprint> = Vec::new();
         let mut instances = Vec::with_capacity(copies.len());
         let mut build = |name: String, parts: Vec<bottom::Part>| {
@@ -299,7 +301,7 @@ impl Still {
         for (index, copy) in copies.iter().enumerate() {
             let (structure, transform) = match shared(index) {
                 Some((first, map)) => (known[first], rows(&map)),
-                None if has_images[index] => (build(format!("mesh copy {index}"), made[index].0.clone()), IDENTITY),
+                None if own[index] => (build(format!("mesh copy {index}"), made[index].0.clone()), IDENTITY),
                 None => continue,
             };
             known[index] = structure;
@@ -308,13 +310,10 @@ impl Still {
                 records.extend(&made[index].1);
             }
         }
-        // What is there once only is one structure: traversal need not enter several where they overlap.
+        // The rest, which is there once only, is one structure: traversal need not enter several where they overlap.
         for cell in 0..world.cells.len() {
             let alone = |index: &usize| {
-                copies[*index].cell == cell
-                    && !copies[*index].is_empty()
-                    && !has_images[*index]
-                    && shared(*index).is_none()
+                copies[*index].cell == cell && !copies[*index].is_empty() && !own[*index] && shared(*index).is_none()
             };
             let parts: Vec<_> = (0..copies.len()).filter(alone).flat_map(|index| made[index].0.clone()).collect();
             if !parts.is_empty() {
