@@ -8,7 +8,7 @@ use std::{ffi::CStr, fmt};
 /// What a device must be able to do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Tier {
-    /// Compute shaders of Vulkan 1.2 with scalar block layout.
+    /// Compute shaders of Vulkan 1.2 with scalar block layout and arithmetic of subgroups.
     #[default]
     Compute,
     /// `Compute` and the ray tracing pipeline.
