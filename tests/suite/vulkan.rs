@@ -8,7 +8,7 @@ use holonomy::{
     geometry::{GEOMETRIES, Geodesic, Geometry, GeometryId, Isometry, Visitor, exponential, visit},
     render::{
         Backend, RenderError, Shot, Target,
-        compute::{ComputeBackend, probe::Probe},
+        compute::{ComputeBackend, ComputeOptions, probe::Probe},
         cpu::CpuBackend,
         device::tiles::{Bands, Pace, Tiles},
         plan::Plan,
@@ -551,6 +551,36 @@ fn differences(a: &Target, b: &Target) -> (f64, f64) {
     }
     let count = a.pixels.len() as f64;
     (far / count, sum / count)
+}
+
+/// As on hardware, where each invocation has a stack of its own: the same pixels and counts as together.
+#[test]
+fn compute_invocations_may_walk_alone() {
+    let Some(gpu) = gpu() else { return };
+    let mut together = ComputeBackend::new(&gpu).expect("a backend");
+    let mut alone = ComputeBackend::with_options(&gpu, ComputeOptions { alone: true }).expect("a backend");
+    for space in ["torus", "seifert-weber"] {
+        let scene = rich_scene(space);
+        let plan = Plan::new(&scene, true);
+        let world = Arc::new(World::new(&scene, &plan, scene.observer.frame).expect("a world"));
+        let shot = Shot::symmetric(scene.observer.frame, scene.observer.fov, [64, 48]);
+        let draw = |backend: &mut ComputeBackend| {
+            let mut target = Target::new(shot.size);
+            backend.load(&world).expect("a load");
+            let stats = backend.render(&shot, &mut target, &|_| ()).expect("a picture");
+            (target, stats.counts)
+        };
+        let ((expected, counts), (mut drawn, counts_alone)) = (draw(&mut together), draw(&mut alone));
+        let (far, near) = differences(&expected, &drawn);
+        println!("{space}: {far} of the pixels differ, counts {counts:?} and {counts_alone:?}");
+        assert!(far < 1e-3 && near < 1e-6, "{space}: {far} {near:e}");
+        for (a, b) in counts.iter().zip(counts_alone) {
+            assert!(a.abs_diff(b) as f64 <= 0.005 * *a as f64, "{counts:?} {counts_alone:?}");
+        }
+        drawn.pixels.iter_mut().for_each(|p| p[1] *= 0.99);
+        let (far, near) = differences(&expected, &drawn);
+        assert!(far >= 1e-3 || near >= 1e-6, "{space}: a darker picture is not noticed");
+    }
 }
 
 #[test]

@@ -24,6 +24,14 @@ use bytemuck::cast_slice;
 /// Draws on a Vulkan device with compute shaders.
 pub type ComputeBackend = DeviceBackend<Compute>;
 
+/// Choices of the user.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ComputeOptions {
+    /// Each invocation walks the hierarchies alone, as on hardware; else, where software runs them, those of a subgroup
+    /// together.
+    pub alone: bool,
+}
+
 /// The compute pipeline of a world.
 #[derive(Debug)]
 pub struct Compute {
@@ -36,9 +44,14 @@ impl Tracer for Compute {
     const NAME: &'static str = "compute";
     const TIER: Tier = Tier::Compute;
     const UNCOUNTED: &'static [u32] = &[];
-    type Options = ();
+    type Options = ComputeOptions;
 
-    fn load(device: &mut Device, world: &World, (): (), last: Option<Self>) -> Result<(Self, Vec<Bound>), RenderError> {
+    fn load(
+        device: &mut Device,
+        world: &World,
+        options: ComputeOptions,
+        last: Option<Self>,
+    ) -> Result<(Self, Vec<Bound>), RenderError> {
         let hierarchy = world.hierarchy();
         let cells = pack::cells(world, &hierarchy.trees);
         let (mut triangles, mut quadrics, mut quadric_shading) = Default::default();
@@ -62,8 +75,8 @@ impl Tracer for Compute {
         let entry = if world.plan.heat == Some(Heat::Time) { "path_clock.comp" } else { "path.comp" };
         // Software runs a subgroup in lockstep, as the lanes of a vector: what all of them read costs one load. Few sizes of
         // stacks, so that pipelines fit one world after the other.
-        let software = device.context.info().kind == DeviceKind::Cpu;
-        let together = if software { hierarchy.stack.next_power_of_two().max(16) } else { 0 };
+        let together = device.context.info().kind == DeviceKind::Cpu && !options.alone;
+        let together = if together { hierarchy.stack.next_power_of_two().max(16) } else { 0 };
         let variant = (world.geometry, Specialization { together, ..world.plan.specialization() }, entry);
         let tracer = match last.filter(|last| last.variant == variant) {
             Some(last) => last,
