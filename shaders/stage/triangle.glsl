@@ -61,7 +61,7 @@ vec3 triangle_hit_arc(Segment segment, Triangle triangle) {
     float bend = dot(normal, segment.bend);
     float linear = dot(normal, segment.direction) + bend;
     float discriminant = linear * linear + 4.0 * bend * height;
-    if (discriminant < 0.0 || normal == vec3(0.0)) return vec3(NO_HIT);
+    if (discriminant < 0.0 || dot(normal, normal) == 0.0) return vec3(NO_HIT);
     float q = 0.5 * (linear + (linear < 0.0 ? -1.0 : 1.0) * sqrt(discriminant));
     float one = q == 0.0 ? NO_HIT : -height / q;
     float other = bend == 0.0 ? NO_HIT : q / bend;
