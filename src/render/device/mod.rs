@@ -302,10 +302,11 @@ impl<T: Tracer> Backend for DeviceBackend<T> {
     ) -> Result<Stats, RenderError> {
         let start = Instant::now();
         let [width, height] = shot.size;
-        let Some(bands) = Bands::new(shot.size, self.device.limit() / PIXEL_BYTES) else {
+        let Some(mut loaded) = self.loaded.take() else { return Err(RenderError::NothingLoaded) };
+        let Some(bands) = loaded.bands(&self.device, shot.size) else {
+            self.loaded = Some(loaded);
             return Err(self.device.too_large("a row of pixels", u64::from(width) * PIXEL_BYTES));
         };
-        let Some(mut loaded) = self.loaded.take() else { return Err(RenderError::NothingLoaded) };
         let mut picture =
             Picture { backend: self, loaded: &mut loaded, shot, progress, done: 0, stats: Stats::default() };
         let drawn = picture.draw(&bands, target);
@@ -334,6 +335,21 @@ fn fill_up(bound: &mut Vec<Bound>, null: &Arc<Buffer>) {
 }
 
 impl<T: Tracer> Loaded<T> {
+    /// The bands of a picture, whose pixels can be bound, and so can what launches need for themselves; none if a row is
+    /// too much.
+    fn bands(&self, device: &Device, size: [u32; 2]) -> Option<Bands> {
+        let mut pixels = device.limit() / PIXEL_BYTES;
+        loop {
+            let bands = Bands::new(size, pixels)?;
+            let [width, height] = bands.largest();
+            let scratch = self.tracer.scratch(device.context.info(), [width, height, 1]);
+            if scratch.is_none_or(|scratch| scratch.bytes <= device.limit()) {
+                return Some(bands);
+            }
+            pixels /= 2;
+        }
+    }
+
     /// What the tracer's shaders read and write: the world, and the buffers of a picture with launches of at most so many
     /// pixels across and down, for so many eyes. With it the bytes of what launches need for themselves.
     fn set(

@@ -8,7 +8,7 @@
 //! **Acceleration structures** ([`scene`]) exist for what the scene has: bottom-level structures over meshes and over
 //! boxes of quadrics, a top-level structure for each cell. In Euclidean space all copies of a mesh are instances of one
 //! structure; where isometries move the chart projectively each copy has its own vertices, and copies share one structure
-//! per cell.
+//! per cell; curved geometries, where structures are of boxes, have one for each copy.
 //!
 //! **Curved geodesics.** The device traces the chords of arcs, among boxes about the triangles that are larger by as much
 //! as an arc may bulge; an intersection shader meets the triangles with the arc.
