@@ -615,6 +615,8 @@ specialization! {
     fog: bool = true;
     /// Geodesics end at a finite distance.
     max_distance: bool = true;
+    /// The length of primary rays shows in the picture.
+    lengths: bool = true;
     /// Cells are labelled by their deck elements.
     labels: bool = true;
     /// Work is counted.

@@ -6,5 +6,5 @@ layout(location = PAYLOAD_SHADOW) rayPayloadInEXT Path payload;
 
 void main() {
     payload.status = PATH_FLYING;
-    stage_transport(payload, IO_SHADOW_BOUNCES);
+    stage_transport(payload, IO_SHADOW_BOUNCES, true);
 }

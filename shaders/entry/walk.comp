@@ -27,7 +27,7 @@ void main() {
     uint most = walk.segments + (walk.until - walk.bounces + 1u) * IO_SEGMENTS_PER_BOUNCE;
     Segment segment;
     while (path.status == PATH_FLYING && path.bounces < walk.until && path.segments < most) {
-        if (stage_segment(path, M_INFINITY, IO_NONE, false, segment)) stage_transport(path, IO_NONE);
+        if (stage_segment(path, M_INFINITY, IO_NONE, false, segment)) stage_transport(path, IO_NONE, true);
     }
     walk.point = path.point;
     walk.velocity = path.velocity;

@@ -46,7 +46,7 @@ float geo_inner(vec4 p, vec4 u, vec4 v) {
 }
 
 Geodesic geo_flow(Geodesic g, float t) {
-    return Geodesic(g.point + t * g.velocity, g.velocity);
+    return Geodesic(vec4(g.point.xyz + t * g.velocity.xyz, 1.0), g.velocity);
 }
 
 vec4 geo_log(vec4 p, vec4 q, out float length_out) {
@@ -77,12 +77,12 @@ Geodesic geo_advance(Geodesic g, float u) {
 }
 
 float geo_side(vec4 p, vec4 plane) {
-    return dot(plane, p);
+    return dot(plane.xyz, p.xyz) + plane.w;
 }
 
 float geo_exit(Geodesic g, vec4 plane, float reach) {
-    float rate = dot(plane, g.velocity);
-    return rate > IO_ALONG_FACE ? max(-dot(plane, g.point) / rate, 0.0) : M_INFINITY;
+    float rate = dot(plane.xyz, g.velocity.xyz);
+    return rate > IO_ALONG_FACE ? max(-geo_side(g.point, plane) / rate, 0.0) : M_INFINITY;
 }
 
 float geo_arc(Geodesic g, float u_max, float tolerance) {
@@ -94,7 +94,7 @@ float geo_parameter(Geodesic g, vec3 c) {
 }
 
 Geodesic geo_restore(Geodesic g) {
-    return Geodesic(g.point, normalize(g.velocity));
+    return Geodesic(g.point, vec4(normalize(g.velocity.xyz), 0.0));
 }
 
 vec3 geo_chart(vec4 p) {
@@ -126,12 +126,13 @@ vec3 geo_lower(vec4 p, vec4 v) {
 }
 
 Geodesic geo_apply(Isometry m, Geodesic g) {
-    return Geodesic(m.linear * g.point, m.linear * g.velocity);
+    mat3 linear = mat3(m.linear);
+    return Geodesic(vec4(linear * g.point.xyz + m.linear[3].xyz, 1.0), vec4(linear * g.velocity.xyz, 0.0));
 }
 
 Geodesic geo_cross(Isometry folded, vec4 plane, Geodesic g) {
-    vec4 normal = vec4(plane.xyz, 0.0);
-    vec4 point = g.point - normal * (2.0 * dot(plane, g.point));
-    vec4 velocity = g.velocity - normal * (2.0 * dot(plane, g.velocity));
-    return geo_apply(folded, Geodesic(point, velocity));
+    vec3 normal = plane.xyz;
+    g.point.xyz -= normal * (2.0 * geo_side(g.point, plane));
+    g.velocity.xyz -= normal * (2.0 * dot(normal, g.velocity.xyz));
+    return geo_apply(folded, g);
 }

@@ -8,13 +8,15 @@ float h3_form(vec4 u, vec4 v) {
     return dot(u.xyz, v.xyz) - u.w * v.w;
 }
 
-// Length of a tangent vector from its radial and transverse parts, which do not cancel far from the base point.
+// Length of a tangent vector, times p.w: <v, v> = v^2 - (p.v)^2 / p.w^2 by Lagrange's identity, without what cancels far
+// from the base point.
+float h3_norm_w(vec4 p, vec4 v) {
+    vec3 moment = cross(p.xyz, v.xyz);
+    return sqrt(dot(v.xyz, v.xyz) + dot(moment, moment));
+}
+
 float h3_norm(vec4 p, vec4 v) {
-    float r = length(p.xyz);
-    if (r == 0.0) return length(v.xyz);
-    vec3 n = p.xyz / r;
-    float radial = dot(v.xyz, n);
-    return length(vec2(radial / p.w, length(v.xyz - n * radial)));
+    return h3_norm_w(p, v) / p.w;
 }
 
 vec4 geo_base() {
@@ -87,8 +89,7 @@ Geodesic geo_restore(Geodesic g) {
     vec3 x = g.point.xyz;
     vec4 point = vec4(x, sqrt(1.0 + dot(x, x)));
     vec3 tangent = g.velocity.xyz + x * h3_form(point, g.velocity);
-    vec4 velocity = vec4(tangent, dot(tangent, x) / point.w);
-    return Geodesic(point, velocity / h3_norm(point, velocity));
+    return Geodesic(point, vec4(tangent * point.w, dot(tangent, x)) * (1.0 / h3_norm_w(point, vec4(tangent, 0.0))));
 }
 
 vec3 geo_chart(vec4 p) {

@@ -22,10 +22,8 @@ vec2 product_sincos(float x) {
 // parts, which do not cancel far from the base point.
 float product_norm(vec4 p, vec4 v) {
     if (PRODUCT_CURVATURE > 0.0) return length(v.xyw);
-    float r = length(p.xy);
-    if (r == 0.0) return length(v.xy);
-    vec2 n = p.xy / r;
-    return length(vec2(dot(v.xy, n) / p.w, n.x * v.y - n.y * v.x));
+    float moment = p.x * v.y - p.y * v.x;
+    return sqrt(dot(v.xy, v.xy) + moment * moment) / p.w;
 }
 
 // The same of a unit velocity, from the part that says it best.

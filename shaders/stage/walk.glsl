@@ -89,6 +89,11 @@ float walk_limit() {
     return IO_MAX_DISTANCE ? io_view[0].max_distance : M_INFINITY;
 }
 
+// Whether the length of primary rays matters: to the picture, or to the error of arcs.
+bool walk_measured() {
+    return IO_LENGTHS || IO_MAX_DISTANCE || !GEO_STRAIGHT;
+}
+
 uint walk_cell(Path path) {
     return IO_FACES == 0u ? path.cell : 0u;
 }
@@ -104,25 +109,29 @@ void walk_passed(inout Path path, uint face) {
     if (IO_LABELS && path.label != IO_NONE) path.label = io_label_table[path.label * uint(io_faces.length()) + face];
 }
 
-// Takes the path through a face.
-void walk_through(inout Path path, Geodesic g, uint face) {
-    walk_set(path, geo_restore(geo_cross(Isometry(io_faces[face].linear, io_faces[face].shift), io_faces[face].plane, g)));
-    walk_passed(path, face);
+// The state g in the coordinates of the cell beyond a face.
+Geodesic walk_beyond(Geodesic g, uint face) {
+    return geo_cross(Isometry(io_faces[face].linear, io_faces[face].shift), io_faces[face].plane, g);
 }
 
+// Takes the path, in state g, through a face.
 void walk_cross(inout Path path, Geodesic g, uint face) {
+    Geodesic beyond = g;
 #ifdef WALK_TOGETHER
     // Those of a subgroup that pass the same face go together, so that its numbers are read once for all of them.
     for (bool waiting = IO_TOGETHER > 0u; waiting;) {
         uint first = subgroupBroadcastFirst(face);
         if (first == face) {
-            walk_through(path, g, first);
+            beyond = walk_beyond(g, first);
             waiting = false;
         }
     }
-    if (IO_TOGETHER > 0u) return;
+    if (IO_TOGETHER == 0u) beyond = walk_beyond(g, face);
+#else
+    beyond = walk_beyond(g, face);
 #endif
-    walk_through(path, g, face);
+    walk_set(path, geo_restore(beyond));
+    walk_passed(path, face);
 }
 
 // Largest deviation of the next arc from its curve, a length, for a tolerance that is an angle e seen from the source:
@@ -144,7 +153,7 @@ struct Reach {
 
 Reach walk_reach(Path path, float limit) {
     Geodesic g = walk_state(path);
-    float rest = geo_parameter_at(g, limit - path.travelled);
+    float rest = isinf(limit) ? M_INFINITY : geo_parameter_at(g, limit - path.travelled);
     float arc = geo_arc(g, rest, walk_tolerance(path));
     Reach reach = Reach(arc, arc < rest ? IO_END_ARC : IO_END_LIMIT, g, Segment(vec3(0.0), vec3(0.0), vec3(0.0)));
     if (GEO_STRAIGHT) return reach;
@@ -270,14 +279,15 @@ bool stage_segment(inout Path path, float limit, uint bounces, bool first, out S
     return true;
 }
 
-// The miss stage: the segment met nothing, so the geodesic moves on to its end and through the face there.
-void stage_transport(inout Path path, uint bounces) {
+// The miss stage: the segment met nothing, so the geodesic moves on to its end and through the face there. Its length is
+// only summed up if it is `measured`.
+void stage_transport(inout Path path, uint bounces, bool measured) {
     if (IO_INTEGRATOR != IO_INTEGRATOR_EXACT) {
         stepped_transport(path, bounces);
         return;
     }
     Geodesic g = GEO_STRAIGHT ? geo_advance(walk_state(path), path.u_end) : walk_state(path);
-    path.travelled += geo_length(walk_state(path), path.u_end);
+    if (measured) path.travelled += geo_length(walk_state(path), path.u_end);
     if (path.end == IO_END_ARC) {
         walk_set(path, geo_restore(g));
     } else if (path.end == IO_END_LIMIT || path.bounces == bounces) {

@@ -195,7 +195,7 @@ void trace_segment(inout Path path, inout Hit hit, Segment segment) {
     uint reference = traverse(segment, walk_cell(path), false);
     uint index = reference_index(reference);
     if (reference == IO_NONE) {
-        stage_transport(path, io_view[0].bounces);
+        stage_transport(path, io_view[0].bounces, walk_measured());
     } else if (reference_is_quadric(reference)) {
         stage_hit_quadric(path, hit, segment, index, io_quadric_shading[index].material);
     } else {
@@ -208,7 +208,7 @@ void trace_shadow_segment(inout Path path, Segment segment) {
     if (traverse(segment, walk_cell(path), true) != IO_NONE) {
         path.status = PATH_HIT;
     } else {
-        stage_transport(path, IO_SHADOW_BOUNCES);
+        stage_transport(path, IO_SHADOW_BOUNCES, true);
     }
 }
 

@@ -9,8 +9,8 @@
 //! transverse part of a vector, which do not cancel; see [`Geometry::norm`].
 
 use super::{
-    ALONG_FACE, Elementary, Geodesic, Geometry, Isometry, Quadric, Real, Real3, Real4, RealGeodesic, across,
-    hypotenuse, matrix_of, spatial,
+    ALONG_FACE, Elementary, Geodesic, Geometry, Isometry, Quadric, Real, Real3, Real4, RealGeodesic, across, matrix_of,
+    spatial,
 };
 use glam::{DMat4, DVec3, DVec4, Vec4Swizzles};
 
@@ -129,7 +129,7 @@ impl Geometry for H3 {
 
     fn restore(&self, g: Geodesic) -> Geodesic {
         let x = spatial(g.point);
-        let point = x.extend(hypotenuse(x.length(), 1.0));
+        let point = x.extend((1.0 + x.length_squared()).sqrt());
         let tangent = spatial(g.velocity) + x * minkowski(point, g.velocity);
         let tangent = tangent.extend(tangent.dot(x) / point.w);
         Geodesic { point, velocity: tangent / self.norm(point, tangent) }
@@ -215,13 +215,8 @@ impl Geometry for H3 {
 /// See [`Geometry::norm`].
 pub(super) fn norm<T: Elementary>(p: Real4<T>, v: Real4<T>) -> T {
     let (x, v) = (p.xyz(), v.xyz());
-    let r = x.length();
-    if r == T::from_f64(0.0) {
-        return v.length();
-    }
-    let n = x / r;
-    let radial = v.dot(n);
-    hypotenuse(radial / p.w, (v - n * radial).length())
+    let moment = x.cross(v);
+    (v.dot(v) + moment.dot(moment)).sqrt() / p.w
 }
 
 /// Gram matrix of the Minkowski form.

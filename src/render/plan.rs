@@ -37,6 +37,8 @@ pub enum Feature {
     Fog,
     /// The test of geodesics against a largest length.
     MaxDistance,
+    /// The length of primary rays, from the source to where they end.
+    Lengths,
     /// The automaton that labels cells by deck elements.
     Labels,
     /// Counting of work.
@@ -56,6 +58,7 @@ impl Feature {
         ("headlight", Self::Headlight),
         ("fog", Self::Fog),
         ("max-distance", Self::MaxDistance),
+        ("lengths", Self::Lengths),
         ("labels", Self::Labels),
         ("counters", Self::Counters),
     ];
@@ -161,6 +164,7 @@ impl Plan {
             m.base_texture.is_some() || m.surface_texture.is_some()
         });
         let lights = !scene.lights.is_empty();
+        let headlight = scene.settings.headlight != [0.0; 3];
         let shadowing = scene.lights.iter().any(|l| l.shadows);
         let decide = |feature| {
             let (needed, reason) = match feature {
@@ -180,16 +184,17 @@ impl Plan {
                 }
                 Feature::Lights => pick(lights, "the scene has point lights", "the scene has no point light"),
                 Feature::Shadows => pick(shadowing, "a light throws shadows", "no light throws shadows"),
-                Feature::Headlight => pick(
-                    scene.settings.headlight != [0.0; 3],
-                    "there is a light at the viewer",
-                    "no light at the viewer",
-                ),
+                Feature::Headlight => pick(headlight, "there is a light at the viewer", "no light at the viewer"),
                 Feature::Fog => pick(scene.settings.fog > 0.0, "the scene has fog", "the scene has no fog"),
                 Feature::MaxDistance => pick(
                     scene.settings.max_distance.is_some(),
                     "geodesics end at a largest length",
                     "only bounces limit geodesics",
+                ),
+                Feature::Lengths => pick(
+                    shading == Shading::Distance || lit && (headlight || scene.settings.fog > 0.0),
+                    "the length of rays shows in the picture",
+                    "the length of rays does not show in the picture",
                 ),
                 Feature::Labels => pick(
                     shading == Shading::Cell,
@@ -243,6 +248,7 @@ impl Plan {
             headlight: on(Feature::Headlight),
             fog: on(Feature::Fog),
             max_distance: on(Feature::MaxDistance),
+            lengths: on(Feature::Lengths) | u32::from(self.purpose != Purpose::Picture),
             labels: on(Feature::Labels),
             counters: on(Feature::Counters),
             shading: shading_number(self.shading),

@@ -110,6 +110,7 @@ fn plan_specialization_follows_every_decision() {
                 Feature::Headlight => s.headlight,
                 Feature::Fog => s.fog,
                 Feature::MaxDistance => s.max_distance,
+                Feature::Lengths => s.lengths,
                 Feature::Labels => s.labels,
                 Feature::Counters => s.counters,
             }
