@@ -631,7 +631,8 @@ specialization! {
     listed: bool = false;
     /// One more than the counter that pixels show instead of what is seen; 0 for none.
     heat: uint = 0;
-    /// The invocations of a subgroup walk the hierarchy together, with a stack of so many entries; 0 if each walks alone.
+    /// The invocations of a subgroup walk the hierarchy together, with a stack of so many entries, its depth
+    /// among them; 0 if each walks alone.
     together: uint = 0;
 }
 
@@ -663,7 +664,7 @@ bindings! {
     2 cells: readonly Cell;
     /// Bounding volume hierarchies.
     3 nodes: readonly Node;
-    /// Stacks of the subgroups that walk the hierarchy together.
+    /// Stacks of the subgroups that walk the hierarchy together, each after its depth.
     4 stacks: restrict uint;
     /// Corners of triangles.
     5 triangles: readonly Triangle;

@@ -96,10 +96,11 @@ float primitive_hit(Segment segment, uint reference, float s_end) {
     return IO_ALPHA_MASK && hit.x < s_end && stage_is_hole(index, hit.yz) ? NO_HIT : hit.x;
 }
 
-// First entry of the subgroup's stack.
+// First entry of the subgroup's stack. Its depth is kept before it, in memory as well: software would keep a variable that
+// a loop changes in a vector, and take long to get at its only number.
 uint together_stack() {
     uint group = (gl_WorkGroupID.z * gl_NumWorkGroups.y + gl_WorkGroupID.y) * gl_NumWorkGroups.x + gl_WorkGroupID.x;
-    return (group * gl_NumSubgroups + gl_SubgroupID) * IO_TOGETHER;
+    return (group * gl_NumSubgroups + gl_SubgroupID) * IO_TOGETHER + 1u;
 }
 
 // Which entries of a common stack an invocation would visit by itself: a bit each, only kept where nodes are counted.
@@ -134,8 +135,9 @@ uint traverse_cell(Segment segment, uint cell, bool any_hit) {
     if (IO_TOGETHER > 0u) io_stacks[base] = root; else stack[0] = root;
     together_own(0u, true);
     uint depth = 1u;
+    if (IO_TOGETHER > 0u) io_stacks[base - 1u] = 1u;
     while (true) {
-        uint top = together_first(depth) - 1u;
+        uint top = (IO_TOGETHER > 0u ? io_stacks[base - 1u] : depth) - 1u;
         uint current = IO_TOGETHER > 0u ? io_stacks[base + top] : stack[top];
         Node node = io_nodes[reference_index(current)];
         if (together_owns(top)) count(IO_COUNT_NODES);
@@ -165,7 +167,7 @@ uint traverse_cell(Segment segment, uint cell, bool any_hit) {
             top += among[i] && reference_kind(children[i]) < IO_REFERENCE_NOTHING ? 1u : 0u;
         }
         if (top == 0u) break;
-        depth = top;
+        if (IO_TOGETHER > 0u) io_stacks[base - 1u] = top; else depth = top;
         if (any_hit) {
             if (together_all(found != IO_NONE)) break;
             if (found != IO_NONE) s_end = -1.0;

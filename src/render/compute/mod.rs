@@ -76,7 +76,7 @@ impl Tracer for Compute {
         // Software runs a subgroup in lockstep, as the lanes of a vector: what all of them read costs one load. Few sizes of
         // stacks, so that pipelines fit one world after the other.
         let together = device.context.info().kind == DeviceKind::Cpu && !options.alone;
-        let together = if together { hierarchy.stack.next_power_of_two().max(16) } else { 0 };
+        let together = if together { (hierarchy.stack + 1).next_power_of_two().max(16) } else { 0 };
         let variant = (world.geometry, Specialization { together, ..world.plan.specialization() }, entry);
         let tracer = match last.filter(|last| last.variant == variant) {
             Some(last) => last,
