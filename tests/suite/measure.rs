@@ -203,3 +203,39 @@ fn measure_accuracy_reports_what_it_promises() {
     assert!(read("accuracy-pictures-s2xs1.svg").contains("euler cpu"));
     assert!(folder.path().join("accuracy-bounces.png").is_file());
 }
+
+/// Clock rates of graphics processors, as the drivers' files and NVIDIA's program write them.
+#[test]
+fn measure_reads_the_clocks_of_graphics_processors() {
+    use holonomy::measure::machine::graphics;
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| {
+        let file = folder.path().join(name);
+        std::fs::create_dir_all(file.parent().expect("a parent")).expect("made");
+        std::fs::write(file, text).expect("written");
+    };
+    write("card0/device/pp_dpm_sclk", "0: 500Mhz \n1: 1450Mhz *\n2: 2400Mhz \n");
+    write("card1/gt_act_freq_mhz", "350\n");
+    write("card1-DP-1/status", "connected\n");
+    write("card2/gt/gt0/rps_act_freq_mhz", "1150\n");
+    write("card3/device/pp_dpm_sclk", "nothing of the kind\n");
+    let nvidia = "NVIDIA RTX, the second, 1980, 9501\nNVIDIA H100, 1755, [N/A]\n";
+    let found: Vec<_> = graphics(folder.path(), Some(nvidia))
+        .into_iter()
+        .map(|card| {
+            (card["name"].as_str().map(str::to_owned), card["clock_mhz"].as_f64(), card["memory_clock_mhz"].as_f64())
+        })
+        .collect();
+    let card = |name: &str, clock: f64, memory: Option<f64>| (Some(name.to_owned()), Some(clock), memory);
+    assert_eq!(
+        found,
+        [
+            card("card0", 1450.0, None),
+            card("card1", 350.0, None),
+            card("card2", 1150.0, None),
+            card("NVIDIA RTX, the second", 1980.0, Some(9501.0)),
+            card("NVIDIA H100", 1755.0, None),
+        ]
+    );
+    assert!(graphics(&folder.path().join("none"), None).is_empty());
+}

@@ -64,6 +64,7 @@ fn plan_raw_pictures_need_no_light() {
         for feature in [Feature::Lights, Feature::Shadows, Feature::Headlight, Feature::Fog, Feature::Textures] {
             assert!(!uses(&scene, feature), "{shading:?} needs no {}", feature.name());
         }
+        assert_eq!(uses(&scene, Feature::Lengths), shading == Shading::Distance, "lengths for {shading:?}");
     }
     scene.settings.shading = Shading::Cell;
     assert!(uses(&scene, Feature::Labels));
@@ -74,10 +75,11 @@ fn plan_limits_and_fog_follow_the_settings() {
     let mut scene = scene("torus");
     scene.settings.fog = 0.0;
     scene.settings.max_distance = None;
-    assert!(!uses(&scene, Feature::Fog) && !uses(&scene, Feature::MaxDistance));
+    scene.settings.headlight = [0.0; 3];
+    assert!(!uses(&scene, Feature::Fog) && !uses(&scene, Feature::MaxDistance) && !uses(&scene, Feature::Lengths));
     scene.settings.fog = 0.1;
     scene.settings.max_distance = Some(3.0);
-    assert!(uses(&scene, Feature::Fog) && uses(&scene, Feature::MaxDistance));
+    assert!(uses(&scene, Feature::Fog) && uses(&scene, Feature::MaxDistance) && uses(&scene, Feature::Lengths));
 }
 
 /// What is kept in on purpose is compiled in but still reported as not needed.
