@@ -5,7 +5,6 @@
 #define COMPUTE_GLSL
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_ballot : require
-#extension GL_KHR_shader_subgroup_vote : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #include "shared/io.glsl"
 #define WALK_TOGETHER
@@ -68,7 +67,8 @@ uint together_first(uint value) {
 }
 
 bool together_all(bool value) {
-    return IO_TOGETHER > 0u ? subgroupAll(value) : value;
+    // Not subgroupAll, which software answers lane by lane.
+    return together_or(value ? 0u : 1u) == 0u;
 }
 
 // Index and kind of what a reference names.

@@ -125,7 +125,6 @@ pub struct RtLimits {
 /// What compute shaders do with the invocations of a subgroup.
 const SUBGROUP_OPERATIONS: vk::SubgroupFeatureFlags = vk::SubgroupFeatureFlags::from_raw(
     vk::SubgroupFeatureFlags::BASIC.as_raw()
-        | vk::SubgroupFeatureFlags::VOTE.as_raw()
         | vk::SubgroupFeatureFlags::ARITHMETIC.as_raw()
         | vk::SubgroupFeatureFlags::BALLOT.as_raw(),
 );
@@ -300,7 +299,7 @@ pub(super) fn describe(
         !modern
             || subgroup.supported_operations.contains(SUBGROUP_OPERATIONS)
                 && subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE),
-        "ballot, vote and arithmetic of subgroups in compute shaders",
+        "ballot and arithmetic of subgroups in compute shaders",
     );
     require(
         limits.max_per_stage_descriptor_storage_buffers.min(limits.max_descriptor_set_storage_buffers) >= buffers,
