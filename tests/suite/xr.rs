@@ -644,3 +644,45 @@ fn xr_eyes_tell_of_a_lost_device() {
     drop((backend, context));
     assert_eq!(messages.all(), Vec::<String>::new());
 }
+
+/// What a launch needs for itself may be more than a device binds, where its pixels are not: eyes are drawn in slices then.
+#[test]
+fn xr_eyes_are_drawn_in_slices_where_one_launch_needs_too_much() {
+    use crate::support::gpu_turn;
+    use holonomy::{
+        render::{
+            Backend, RenderError, Shot,
+            compute::ComputeBackend,
+            device::eyes::{EyeBackend, EyeLayout, EyeOptions},
+            plan::{Plan, Purpose},
+            world::{Pose, World},
+        },
+        scene::file,
+        vulkan::{Context, ContextOptions, DeviceKind},
+    };
+    let Some((_turn, options)) = gpu_turn() else { return };
+    let mut scene = file::load("torus").expect("a scene");
+    // Boxes of tubes are all that the device must hold, and are walked with a stack of 64 bytes or more.
+    scene.objects.retain(|object| !object.shape.is_flat());
+    let plan = Plan::new(&scene, false).serving(Purpose::Eyes { listed: false });
+    let pose = Pose::new(scene.observer.frame, 0.0);
+    let world = std::sync::Arc::new(World::moving(&scene, &plan, pose).expect("a world"));
+    // The stacks of a pixel's group are as many as those of 64 pixels: 1 MiB or more, beside 128 KiB of pixels.
+    let size = [1, 4096];
+    let layout = EyeLayout { size, largest: size, encoding: Encoding::Rgba16F, depth: None, rays: Rays::All };
+    let shot = Shot { eye: pose.observer, tangents: [-1.0, 0.8, -0.9, 0.9], size, samples: 1, seed: 0, bounces: None };
+    let draw = |max_storage_range| -> Result<u32, RenderError> {
+        let context = Context::new(&ContextOptions { max_storage_range, ..options.clone() }).expect("a device");
+        assert_eq!(context.info().kind, DeviceKind::Cpu, "the tests' device is software");
+        let mut backend = ComputeBackend::new(&context).expect("a backend");
+        backend.load(&world)?;
+        backend.set_eyes(layout.clone())?;
+        let options = EyeOptions { bounces: Some(0), together: true, read_back: false };
+        // The first frames are in slices because nothing is known of their cost, or as they compile.
+        let mut frames = (0..10).map(|_| backend.draw_eyes(&[shot; 2], None, options));
+        frames.try_fold(u32::MAX, |least, frame| Ok(least.min(frame?.dispatches)))
+    };
+    assert_eq!(draw(None).expect("drawn"), 1);
+    assert!(draw(Some(1 << 17)).expect("drawn") >= 4);
+    assert_eq!(options.messages.all(), Vec::<String>::new());
+}

@@ -10,7 +10,7 @@
 
 use super::{
     super::{Backend, RenderError, Shot, plan::Purpose},
-    DeviceBackend, Loaded, PIXEL_BYTES, Tracer, fill_up,
+    DeviceBackend, Loaded, PIXEL_BYTES, Scratch, Tracer, fill_up,
     rays::{RayList, Rays},
 };
 use crate::{
@@ -176,6 +176,8 @@ pub struct Canvas {
     resolve: ComputePipeline,
     /// Learnt from the frame before.
     slices: u32,
+    /// So many there must be, so that what a launch needs for itself can be bound.
+    least_slices: u32,
     readback: [HostBuffer; 2],
 }
 
@@ -202,9 +204,27 @@ impl<T: Tracer> DeviceBackend<T> {
             rates: buffer("ray rates", if sparse { 2 * tiles[0] * tiles[1] * 4 } else { 4 })?,
             resolve: ComputePipeline::new(context, &shader)?,
             slices: FIRST_SLICES,
+            least_slices: 1,
             readback: [readback()?, readback()?],
             layout,
         })
+    }
+
+    /// How few slices eyes of at most this size can be drawn in, and the largest launch then.
+    fn largest_launch(&self, tracer: &T, [width, height]: [u32; 2]) -> Result<(u32, [u32; 3]), RenderError> {
+        let mut slices = 1;
+        loop {
+            let launch = [width, height.div_ceil(slices).next_multiple_of(GROUP_HEIGHT), 2];
+            match tracer.scratch(self.device.context.info(), launch) {
+                Some(Scratch { name, bytes, .. }) if bytes > self.device.limit() => {
+                    if slices == MOST_SLICES {
+                        return Err(self.device.too_large(name, bytes));
+                    }
+                    slices *= 2;
+                }
+                _ => return Ok((slices, launch)),
+            }
+        }
     }
 
     fn draw_two(
@@ -221,8 +241,9 @@ impl<T: Tracer> DeviceBackend<T> {
             Some(set) => set,
             None => {
                 let bound = canvas.bound();
-                let [width, height] = canvas.layout.size;
-                let (set, _) = loaded.set(&self.device, &self.null, &bound, [width, height, 2])?;
+                let (slices, launch) = self.largest_launch(&loaded.tracer, canvas.layout.largest)?;
+                canvas.least_slices = slices;
+                let (set, _) = loaded.set(&self.device, &self.null, &bound, launch)?;
                 loaded.eyes.insert(set)
             }
         };
@@ -319,7 +340,7 @@ impl Canvas {
         let offset = [0.5, 0.5];
         let slices = |range: std::ops::Range<u32>, unit: u32| {
             let length = range.len() as u32;
-            let step = length.div_ceil(self.slices).next_multiple_of(unit).max(unit);
+            let step = length.div_ceil(self.slices.max(self.least_slices)).next_multiple_of(unit).max(unit);
             range.step_by(step as usize).map(move |start| (start, step)).collect::<Vec<_>>()
         };
         let [width, height] = self.layout.size;
