@@ -221,7 +221,7 @@ impl Session {
             let share = |done: f64| progress((index as f64 + done) / eyes.len() as f64);
             let stats = self.backend.render(&shot, &mut view, &share).map_err(render_failure)?;
             add(&mut self.sum, &stats);
-            paste(&mut target, &view, args.size[0] * index as u32);
+            target.paste(&view, [args.size[0] * index as u32, 0]);
         }
         self.pictures += 1;
         Ok(target)
@@ -247,14 +247,6 @@ fn backend_for(args: &RenderArgs, plan: &Plan) -> Result<(Box<dyn Backend>, Stri
     };
     backend.check(plan).map_err(|missing| Failure::failed(anyhow!("{} lacks {missing}", backend.device())))?;
     Ok((backend, reason))
-}
-
-fn paste(target: &mut Target, view: &Target, left: u32) {
-    let (width, left) = (view.width as usize, left as usize);
-    for (row, line) in view.pixels.chunks(width).enumerate() {
-        let start = row * target.width as usize + left;
-        target.pixels[start..start + width].copy_from_slice(line);
-    }
 }
 
 fn add(sum: &mut Stats, stats: &Stats) {

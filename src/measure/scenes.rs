@@ -413,20 +413,11 @@ pub fn step_against_bounces(
                 error.rmse.into(),
                 error.flip.into(),
             ]);
-            paste(&mut sheet, &drawn.target, [column * size[0], row * size[1]]);
+            sheet.paste(&drawn.target, [column * size[0], row * size[1]]);
         }
-        paste(&mut sheet, &reference, [column * size[0], settings.len() as u32 * size[1]]);
+        sheet.paste(&reference, [column * size[0], settings.len() as u32 * size[1]]);
     }
     Ok(sheet)
-}
-
-/// Copies a picture into a larger one.
-fn paste(sheet: &mut Target, picture: &Target, [x, y]: [u32; 2]) {
-    let width = picture.width as usize;
-    for (row, line) in picture.pixels.chunks(width).enumerate() {
-        let start = (y as usize + row) * sheet.width as usize + x as usize;
-        sheet.pixels[start..start + width].copy_from_slice(line);
-    }
 }
 
 /// The table of what is left out, without rows.

@@ -196,6 +196,18 @@ impl Target {
         let pixels = vec![[0.0; 4]; size[0] as usize * size[1] as usize];
         Self { width: size[0], height: size[1], pixels }
     }
+
+    /// Copies a picture in, its upper left corner to column x and row y; all of it must fit.
+    ///
+    /// # Panics
+    /// Where it does not.
+    pub fn paste(&mut self, picture: &Target, [x, y]: [u32; 2]) {
+        let width = picture.width as usize;
+        for (row, line) in picture.pixels.chunks(width.max(1)).enumerate() {
+            let start = (y as usize + row) * self.width as usize + x as usize;
+            self.pixels[start..start + width].copy_from_slice(line);
+        }
+    }
 }
 
 /// The sRGB transfer function (IEC 61966-2-1), rounded to 8 bits.
