@@ -434,6 +434,9 @@ numbers! {
     SHADOW_BOUNCES: uint = 64;
     /// Light falls off as if it came from no nearer than this, so that a light at a surface stays finite.
     MIN_LIGHT_AREA: float = 1e-4;
+    /// Fog times distance beyond which nothing is looked for: less than 1/8000 of what is there would be left of it, half a
+    /// step of the darkest of 256 shades.
+    FOG_HIDES: float = 9.0;
     /// Segments per permitted bounce after which a path is given up: arcs of curved geodesics are counted.
     SEGMENTS_PER_BOUNCE: uint = 4096;
     /// Pixels across one workgroup.

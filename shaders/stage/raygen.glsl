@@ -48,6 +48,7 @@ void stage_raygen(uvec2 pixel, uint eye, vec2 offset) {
     bool first = true;
     uint limit_of_segments = (view.bounces + 1u) * IO_SEGMENTS_PER_BOUNCE;
     while (path.status == PATH_FLYING && path.segments < limit_of_segments
+           && !(IO_FOG && view.fog * path.travelled > IO_FOG_HIDES)
            && stage_segment(path, walk_limit(), view.bounces, first, segment)) {
         count(IO_COUNT_SEGMENTS);
         trace_segment(path, hit, segment);

@@ -613,3 +613,46 @@ fn compute_draws_what_the_cpu_draws() {
         }
     }
 }
+
+/// Rays end where fog hides what they may still meet: what is nearer is seen, what is farther is background, and less is
+/// looked for than by a picture that fog does not cover.
+#[test]
+fn rays_end_in_the_fog() {
+    let mut scene = holonomy::scene::file::load("seifert-weber").expect("a scene");
+    scene.settings.bounces = 40;
+    let fog = scene.settings.fog;
+    let shot = Shot::symmetric(scene.observer.frame, scene.observer.fov, [96, 72]);
+    let draw = |backend: &mut dyn Backend, shading| {
+        let mut scene = scene.clone();
+        scene.settings.shading = shading;
+        let world = World::new(&scene, &Plan::new(&scene, true), scene.observer.frame).expect("a world");
+        backend.load(&Arc::new(world)).expect("a load");
+        let mut target = Target::new([1, 1]);
+        let stats = backend.render(&shot, &mut target, &|_| ()).expect("a picture");
+        (target.pixels, stats.counts[io::COUNT_SEGMENTS as usize])
+    };
+    let mut check = |backend: &mut dyn Backend| {
+        let (colors, seen) = draw(backend, Shading::Riemannian);
+        let (distances, all) = draw(backend, Shading::Distance);
+        assert!(10 * seen < 9 * all, "{seen} of {all} segments");
+        let background = scene.settings.background;
+        let (mut near, mut far) = (0, 0);
+        for (color, [distance, ..]) in colors.iter().zip(distances) {
+            let hidden = color[..3] == background;
+            // A cell is 3 wide at most.
+            match fog * f64::from(distance) {
+                depth if depth < 8.0 => near += u32::from(!hidden),
+                depth if depth > 9.0 + 3.0 * fog && depth.is_finite() => {
+                    assert!(hidden, "{color:?} at {distance}");
+                    far += 1;
+                }
+                _ => {}
+            }
+        }
+        assert!(near > 1000 && far > 100, "{near} near, {far} far");
+    };
+    check(&mut CpuBackend::default());
+    if let Some(gpu) = gpu() {
+        check(&mut ComputeBackend::new(&gpu).expect("a backend"));
+    }
+}

@@ -5,7 +5,9 @@ use crate::{
     geometry::{Geodesic, Geometry},
     render::{clock, plan::Heat},
     scene::Shading,
-    shader_io::{COUNT_BOUNCES, COUNT_HITS, COUNT_LOST, COUNT_RAYS, COUNT_SEGMENTS, NONE, SEGMENTS_PER_BOUNCE},
+    shader_io::{
+        COUNT_BOUNCES, COUNT_HITS, COUNT_LOST, COUNT_RAYS, COUNT_SEGMENTS, FOG_HIDES, NONE, SEGMENTS_PER_BOUNCE,
+    },
     space::walk::{Path, Status},
 };
 use glam::DVec3;
@@ -35,7 +37,8 @@ impl<G: Geometry> Tracer<'_, G> {
         let mut surface = None;
         let mut faces = Vec::new();
         self.count(counts, COUNT_RAYS);
-        while path.status == Status::Flying && path.segments < limit_of_segments {
+        let hidden = |path: &Path| self.uses.fog && settings.fog * path.travelled > f64::from(FOG_HIDES);
+        while path.status == Status::Flying && path.segments < limit_of_segments && !hidden(&path) {
             let segment = self.segment(&mut path, self.bounces, |face| faces.push(face));
             if let Some(segment) = segment {
                 self.count(counts, COUNT_SEGMENTS);
