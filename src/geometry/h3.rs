@@ -9,8 +9,8 @@
 //! transverse part of a vector, which do not cancel; see [`Geometry::norm`].
 
 use super::{
-    ALONG_FACE, Elementary, Geodesic, Geometry, Isometry, Quadric, Real, Real3, Real4, RealGeodesic, across, matrix_of,
-    spatial,
+    ALONG_FACE, Elementary, Geodesic, Geometry, Isometry, Quadric, Real, Real3, Real4, RealGeodesic, across,
+    hypotenuse, matrix_of, spatial,
 };
 use glam::{DMat4, DVec3, DVec4, Vec4Swizzles};
 
@@ -131,8 +131,10 @@ impl Geometry for H3 {
         let x = spatial(g.point);
         let point = x.extend((1.0 + x.length_squared()).sqrt());
         let tangent = spatial(g.velocity) + x * minkowski(point, g.velocity);
-        let tangent = tangent.extend(tangent.dot(x) / point.w);
-        Geodesic { point, velocity: tangent / self.norm(point, tangent) }
+        // ⟨v, v⟩ = v² − (p·v)²/w² by Lagrange's identity, without what cancels far from the base point: cheaper than
+        // `norm`, and a rounding worse.
+        let norm_w = (tangent.length_squared() + x.cross(tangent).length_squared()).sqrt();
+        Geodesic { point, velocity: (tangent * point.w).extend(tangent.dot(x)) / norm_w }
     }
 
     fn chart(&self, p: DVec4) -> DVec3 {
@@ -215,8 +217,13 @@ impl Geometry for H3 {
 /// See [`Geometry::norm`].
 pub(super) fn norm<T: Elementary>(p: Real4<T>, v: Real4<T>) -> T {
     let (x, v) = (p.xyz(), v.xyz());
-    let moment = x.cross(v);
-    (v.dot(v) + moment.dot(moment)).sqrt() / p.w
+    let r = x.length();
+    if r == T::from_f64(0.0) {
+        return v.length();
+    }
+    let n = x / r;
+    let radial = v.dot(n);
+    hypotenuse(radial / p.w, (v - n * radial).length())
 }
 
 /// Gram matrix of the Minkowski form.

@@ -290,12 +290,6 @@ impl<T: Elementary> Real2<T> {
 }
 
 impl<T: Real> Real3<T> {
-    /// Vector product.
-    #[inline]
-    pub fn cross(self, v: Self) -> Self {
-        Self::new(self.y * v.z - self.z * v.y, self.z * v.x - self.x * v.z, self.x * v.y - self.y * v.x)
-    }
-
     /// The first two components.
     #[inline]
     pub fn xy(self) -> Real2<T> {

@@ -631,7 +631,7 @@ fn rays_end_in_the_fog() {
         let stats = backend.render(&shot, &mut target, &|_| ()).expect("a picture");
         (target.pixels, stats.counts[io::COUNT_SEGMENTS as usize])
     };
-    let mut check = |backend: &mut dyn Backend| {
+    let check = |backend: &mut dyn Backend| {
         let (colors, seen) = draw(backend, Shading::Riemannian);
         let (distances, all) = draw(backend, Shading::Distance);
         assert!(10 * seen < 9 * all, "{seen} of {all} segments");
