@@ -363,7 +363,8 @@ pub struct Settings {
     pub bounces: u32,
     /// Geodesics end at this length.
     pub max_distance: Option<f64>,
-    /// Fog density per unit length, 0 for none.
+    /// Fog density per unit length, 0 for none: of what is at distance d, exp(−fog d) is left. Rays end where that is less
+    /// than 1/8000 ([`FOG_HIDES`](crate::shader_io::FOG_HIDES)).
     pub fog: f64,
     /// Linear colour of the fog and of what lies beyond.
     pub background: [f32; 3],
