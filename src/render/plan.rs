@@ -212,7 +212,12 @@ impl Plan {
 
     /// The same for another purpose.
     pub fn serving(self, purpose: Purpose) -> Self {
-        Self { purpose, ..self }
+        let mut plan = Self { purpose, ..self };
+        let lengths = plan.decisions.iter_mut().find(|d| d.feature == Feature::Lengths);
+        if let Some(lengths) = lengths.filter(|_| purpose != Purpose::Picture) {
+            (lengths.needed, lengths.reason) = (true, "eyes have depths");
+        }
+        plan
     }
 
     /// The same with pictures of what pixels cost. The plan must count.
@@ -248,7 +253,7 @@ impl Plan {
             headlight: on(Feature::Headlight),
             fog: on(Feature::Fog),
             max_distance: on(Feature::MaxDistance),
-            lengths: on(Feature::Lengths) | u32::from(self.purpose != Purpose::Picture),
+            lengths: on(Feature::Lengths),
             labels: on(Feature::Labels),
             counters: on(Feature::Counters),
             shading: shading_number(self.shading),

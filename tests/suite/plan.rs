@@ -1,7 +1,7 @@
 //! What scenes leave out, decided without a device.
 
 use holonomy::{
-    render::plan::{Feature, Plan},
+    render::plan::{Feature, Plan, Purpose},
     scene::{Place, Scene, Shading, Shape, file},
     shader_io,
 };
@@ -80,6 +80,9 @@ fn plan_limits_and_fog_follow_the_settings() {
     scene.settings.fog = 0.1;
     scene.settings.max_distance = Some(3.0);
     assert!(uses(&scene, Feature::Fog) && uses(&scene, Feature::MaxDistance) && uses(&scene, Feature::Lengths));
+    scene.settings.fog = 0.0;
+    let eyes = Plan::new(&scene, false).serving(Purpose::Eyes { listed: false });
+    assert!(eyes.uses(Feature::Lengths) && eyes.specialization().lengths == 1, "eyes have depths");
 }
 
 /// What is kept in on purpose is compiled in but still reported as not needed.
