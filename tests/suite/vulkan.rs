@@ -8,7 +8,7 @@ use holonomy::{
     geometry::{GEOMETRIES, Geodesic, Geometry, GeometryId, Isometry, Visitor, exponential, visit},
     render::{
         Backend, RenderError, Shot, Target,
-        compute::{ComputeBackend, ComputeOptions, probe::Probe},
+        compute::{ComputeBackend, ComputeOptions, probe::Probe, walks_together},
         cpu::CpuBackend,
         device::tiles::{Bands, Pace, Tiles},
         plan::Plan,
@@ -20,7 +20,9 @@ use holonomy::{
     },
     shader_io::{self as io, ProbeIn, ProbeOut},
     space::observer::Frame,
-    vulkan::{Context, ContextOptions, Validation, VulkanError, command::SUBMIT_TIME_OUT, fault::FaultInjection},
+    vulkan::{
+        Context, ContextOptions, DeviceKind, Validation, VulkanError, command::SUBMIT_TIME_OUT, fault::FaultInjection,
+    },
 };
 use std::{
     sync::{Arc, Mutex},
@@ -557,8 +559,18 @@ fn differences(a: &Target, b: &Target) -> (f64, f64) {
 #[test]
 fn compute_invocations_may_walk_alone() {
     let Some(gpu) = gpu() else { return };
-    let mut together = ComputeBackend::new(&gpu).expect("a backend");
-    let mut alone = ComputeBackend::with_options(&gpu, ComputeOptions { alone: true }).expect("a backend");
+    let mut device = gpu.info().clone();
+    device.kind = DeviceKind::Cpu;
+    for (driver, together) in
+        [("Mesa 22.3.6 (LLVM 15.0.6)", false), ("Mesa 26.1.6-1 (LLVM 19.1.7)", true), ("1.2", true)]
+    {
+        device.driver_info = driver.to_owned();
+        assert_eq!(walks_together(&device), together, "{driver}");
+    }
+    device.kind = DeviceKind::Discrete;
+    assert!(!walks_together(&device), "hardware");
+    let walking = |together| ComputeBackend::with_options(&gpu, ComputeOptions { together: Some(together) });
+    let (mut together, mut alone) = (walking(true).expect("a backend"), walking(false).expect("a backend"));
     for space in ["torus", "seifert-weber"] {
         let scene = rich_scene(space);
         let plan = Plan::new(&scene, true);

@@ -652,7 +652,7 @@ fn xr_eyes_are_drawn_in_slices_where_one_launch_needs_too_much() {
     use holonomy::{
         render::{
             Backend, RenderError, Shot,
-            compute::ComputeBackend,
+            compute::{ComputeBackend, ComputeOptions},
             device::eyes::{EyeBackend, EyeLayout, EyeOptions},
             plan::{Plan, Purpose},
             world::{Pose, World},
@@ -674,7 +674,8 @@ fn xr_eyes_are_drawn_in_slices_where_one_launch_needs_too_much() {
     let draw = |max_storage_range| -> Result<u32, RenderError> {
         let context = Context::new(&ContextOptions { max_storage_range, ..options.clone() }).expect("a device");
         assert_eq!(context.info().kind, DeviceKind::Cpu, "the tests' device is software");
-        let mut backend = ComputeBackend::new(&context).expect("a backend");
+        let together = ComputeOptions { together: Some(true) };
+        let mut backend = ComputeBackend::with_options(&context, together).expect("a backend");
         backend.load(&world)?;
         backend.set_eyes(layout.clone())?;
         let options = EyeOptions { bounces: Some(0), together: true, read_back: false };

@@ -27,9 +27,16 @@ pub type ComputeBackend = DeviceBackend<Compute>;
 /// Choices of the user.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ComputeOptions {
-    /// Each invocation walks the hierarchies alone, as on hardware; else, where software runs them, those of a subgroup
-    /// together.
-    pub alone: bool,
+    /// Whether the invocations of a subgroup walk the hierarchies together or each alone; not said, as the device is
+    /// faster.
+    pub together: Option<bool>,
+}
+
+/// Whether a device is faster with invocations that walk together: software that runs a subgroup in lockstep, as the lanes
+/// of a vector, and reads once what all of them read. Mesa's does so in version 25 and later; 22.3.6 reads lane by lane.
+pub fn walks_together(device: &DeviceInfo) -> bool {
+    let mesa = device.driver_info.split_once("Mesa ").and_then(|(_, version)| version.split('.').next()?.parse().ok());
+    device.kind == DeviceKind::Cpu && mesa.is_none_or(|version: u32| version >= 25)
 }
 
 /// The compute pipeline of a world.
@@ -73,9 +80,8 @@ impl Tracer for Compute {
             (binding::quadric_shading, "quadric shading", cast_slice(&quadric_shading)),
         ])?;
         let entry = if world.plan.heat == Some(Heat::Time) { "path_clock.comp" } else { "path.comp" };
-        // Software runs a subgroup in lockstep, as the lanes of a vector: what all of them read costs one load. Few sizes of
-        // stacks, so that pipelines fit one world after the other.
-        let together = device.context.info().kind == DeviceKind::Cpu && !options.alone;
+        // Few sizes of stacks, so that pipelines fit one world after the other.
+        let together = options.together.unwrap_or_else(|| walks_together(device.context.info()));
         let together = if together { (hierarchy.stack + 1).next_power_of_two().max(16) } else { 0 };
         let variant = (world.geometry, Specialization { together, ..world.plan.specialization() }, entry);
         let tracer = match last.filter(|last| last.variant == variant) {
