@@ -618,7 +618,7 @@ specialization! {
     fog: bool = true;
     /// Geodesics end at a finite distance.
     max_distance: bool = true;
-    /// The length of primary rays shows in the picture.
+    /// The length of primary rays matters: to the picture, to where they end, or to the error of arcs.
     lengths: bool = true;
     /// Cells are labelled by their deck elements.
     labels: bool = true;

@@ -7,7 +7,7 @@
 layout(location = PAYLOAD_PRIMARY) rayPayloadInEXT Payload payload;
 
 void main() {
-    stage_transport(payload.path, io_view[0].bounces, walk_measured());
+    stage_transport(payload.path, io_view[0].bounces, IO_LENGTHS);
     Segment segment;
     if (payload.path.status != PATH_FLYING || payload.path.segments > io_view[0].bounces
         || !stage_segment(payload.path, walk_limit(), io_view[0].bounces, false, segment)) return;

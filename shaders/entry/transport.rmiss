@@ -5,5 +5,5 @@
 layout(location = PAYLOAD_PRIMARY) rayPayloadInEXT Payload payload;
 
 void main() {
-    stage_transport(payload.path, io_view[0].bounces, walk_measured());
+    stage_transport(payload.path, io_view[0].bounces, IO_LENGTHS);
 }

@@ -10,13 +10,13 @@ float h3_form(vec4 u, vec4 v) {
 
 // Length of a tangent vector, times p.w: <v, v> = v^2 - (p.v)^2 / p.w^2 by Lagrange's identity, without what cancels far
 // from the base point.
-float h3_norm_w(vec4 p, vec4 v) {
-    vec3 moment = cross(p.xyz, v.xyz);
-    return sqrt(dot(v.xyz, v.xyz) + dot(moment, moment));
+float h3_norm_w(vec3 p, vec3 v) {
+    vec3 moment = cross(p, v);
+    return sqrt(dot(v, v) + dot(moment, moment));
 }
 
 float h3_norm(vec4 p, vec4 v) {
-    return h3_norm_w(p, v) / p.w;
+    return h3_norm_w(p.xyz, v.xyz) / p.w;
 }
 
 vec4 geo_base() {
@@ -89,7 +89,7 @@ Geodesic geo_restore(Geodesic g) {
     vec3 x = g.point.xyz;
     vec4 point = vec4(x, sqrt(1.0 + dot(x, x)));
     vec3 tangent = g.velocity.xyz + x * h3_form(point, g.velocity);
-    return Geodesic(point, vec4(tangent * point.w, dot(tangent, x)) * (1.0 / h3_norm_w(point, vec4(tangent, 0.0))));
+    return Geodesic(point, vec4(tangent * point.w, dot(tangent, x)) * (1.0 / h3_norm_w(x, tangent)));
 }
 
 vec3 geo_chart(vec4 p) {

@@ -18,8 +18,8 @@ vec2 product_sincos(float x) {
     return PRODUCT_CURVATURE > 0.0 ? m_sincos(x) : m_sinhcosh(x);
 }
 
-// Length of the part of a tangent vector in the surface; in the hyperbolic plane from its radial and transverse
-// parts, which do not cancel far from the base point.
+// Length of the part of a tangent vector in the surface; in the hyperbolic plane by Lagrange's identity, as in
+// h3.glsl.
 float product_norm(vec4 p, vec4 v) {
     if (PRODUCT_CURVATURE > 0.0) return length(v.xyw);
     float moment = p.x * v.y - p.y * v.x;

@@ -89,11 +89,6 @@ float walk_limit() {
     return IO_MAX_DISTANCE ? io_view[0].max_distance : M_INFINITY;
 }
 
-// Whether the length of primary rays matters: to the picture, or to the error of arcs.
-bool walk_measured() {
-    return IO_LENGTHS || IO_MAX_DISTANCE || !GEO_STRAIGHT;
-}
-
 uint walk_cell(Path path) {
     return IO_FACES == 0u ? path.cell : 0u;
 }
@@ -116,7 +111,7 @@ Geodesic walk_beyond(Geodesic g, uint face) {
 
 // Takes the path, in state g, through a face.
 void walk_cross(inout Path path, Geodesic g, uint face) {
-    Geodesic beyond = g;
+    Geodesic beyond;
 #ifdef WALK_TOGETHER
     // Those of a subgroup that pass the same face go together, so that its numbers are read once for all of them.
     for (bool waiting = IO_TOGETHER > 0u; waiting;) {
@@ -126,10 +121,9 @@ void walk_cross(inout Path path, Geodesic g, uint face) {
             waiting = false;
         }
     }
-    if (IO_TOGETHER == 0u) beyond = walk_beyond(g, face);
-#else
-    beyond = walk_beyond(g, face);
+    if (IO_TOGETHER == 0u)
 #endif
+        beyond = walk_beyond(g, face);
     walk_set(path, geo_restore(beyond));
     walk_passed(path, face);
 }

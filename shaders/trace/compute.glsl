@@ -197,7 +197,7 @@ void trace_segment(inout Path path, inout Hit hit, Segment segment) {
     uint reference = traverse(segment, walk_cell(path), false);
     uint index = reference_index(reference);
     if (reference == IO_NONE) {
-        stage_transport(path, io_view[0].bounces, walk_measured());
+        stage_transport(path, io_view[0].bounces, IO_LENGTHS);
     } else if (reference_is_quadric(reference)) {
         stage_hit_quadric(path, hit, segment, index, io_quadric_shading[index].material);
     } else {

@@ -19,7 +19,7 @@ accelerationStructureEXT rt_scene(uint cell) {
 // Traces one segment of a primary ray: closest-hit or miss follows.
 void trace_segment(inout Path path, inout Hit hit, Segment segment) {
     if (!(IO_MESHES || IO_QUADRICS)) {
-        stage_transport(path, io_view[0].bounces, walk_measured());
+        stage_transport(path, io_view[0].bounces, IO_LENGTHS);
         return;
     }
     payload_bend(segment);

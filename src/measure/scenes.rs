@@ -439,7 +439,7 @@ fn belongings(feature: Feature) -> &'static str {
         Feature::Headlight => "light at the viewer, constant headlight",
         Feature::Fog => "fog, constant fog",
         Feature::MaxDistance => "test against the largest length, constant max_distance",
-        Feature::Lengths => "length of rays where nothing else asks for it, constant lengths",
+        Feature::Lengths => "length of rays, constant lengths",
         Feature::Labels => "automaton of deck elements, constant labels, its table",
         Feature::Coordinates => "colours by place, constant coordinates",
         Feature::Counters => "counting of work, constant counters, its buffer",

@@ -191,6 +191,10 @@ impl Plan {
                     "geodesics end at a largest length",
                     "only bounces limit geodesics",
                 ),
+                Feature::Lengths if scene.settings.max_distance.is_some() => {
+                    (true, "geodesics end at a largest length")
+                }
+                Feature::Lengths if !scene.space.geometry.is_straight() => (true, "arcs may err in proportion to it"),
                 Feature::Lengths => pick(
                     shading == Shading::Distance || lit && (headlight || scene.settings.fog > 0.0),
                     "the length of rays shows in the picture",
