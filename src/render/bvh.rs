@@ -9,7 +9,7 @@
 //! or a single primitive.
 
 use crate::shader_io::{Node, REFERENCE_NOTHING, REFERENCE_QUADRIC, REFERENCE_SHIFT, REFERENCE_TRIANGLE, STACK_SIZE};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 /// An axis-aligned box in the chart.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,8 +44,39 @@ impl Aabb {
         d.x * d.y + d.y * d.z + d.z * d.x
     }
 
-    fn centre(self) -> DVec3 {
+    /// Its centre.
+    pub fn centre(self) -> DVec3 {
         (self.lower + self.upper) * 0.5
+    }
+}
+
+/// Puts items in order by their places, such that the halves of the list are apart along the axis on which it reaches
+/// farthest, and so are their halves, and so on down. What is near in space is near in memory then, and drivers that build
+/// their hierarchies by halving lists get good ones (lavapipe of Mesa 25.0 does no more).
+pub fn halve<T: Clone>(items: &mut [T], place: impl Fn(&T) -> DVec3) {
+    let mut places: Vec<(Vec3, usize)> = items.iter().map(|item| place(item).as_vec3()).zip(0..).collect();
+    halve_places(&mut places);
+    let ordered: Vec<T> = places.iter().map(|(_, index)| items[*index].clone()).collect();
+    items.clone_from_slice(&ordered);
+}
+
+fn halve_places(places: &mut [(Vec3, usize)]) {
+    /// Fewer are not worth another thread.
+    const WORTH_A_THREAD: usize = 4096;
+    if places.len() < 3 {
+        return;
+    }
+    let lower = places.iter().fold(Vec3::INFINITY, |lower, (place, _)| lower.min(*place));
+    let upper = places.iter().fold(Vec3::NEG_INFINITY, |upper, (place, _)| upper.max(*place));
+    let axis = (upper - lower).max_position();
+    let (middle, several) = (places.len().div_ceil(2), places.len() > WORTH_A_THREAD);
+    places.select_nth_unstable_by(middle, |(a, _), (b, _)| a[axis].total_cmp(&b[axis]));
+    let (first, second) = places.split_at_mut(middle);
+    if several {
+        rayon::join(|| halve_places(first), || halve_places(second));
+    } else {
+        halve_places(first);
+        halve_places(second);
     }
 }
 

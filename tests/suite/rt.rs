@@ -75,6 +75,43 @@ fn rt_builds_only_what_the_scene_has() {
     assert!(nothing.bytes_table < quadrics.bytes_table && quadrics.bytes_table < all.bytes_table);
 }
 
+/// Boxes of a list's halves, of their halves and so on, that overlap along every axis: those are bad nodes for a driver that
+/// halves lists.
+fn entangled(places: &[DVec3]) -> usize {
+    if places.len() < 3 {
+        return 0;
+    }
+    let (first, second) = places.split_at(places.len().div_ceil(2));
+    let lower = |half: &[DVec3]| half.iter().fold(DVec3::INFINITY, |a, b| a.min(*b));
+    let upper = |half: &[DVec3]| half.iter().fold(DVec3::NEG_INFINITY, |a, b| a.max(*b));
+    // Places are compared in f32.
+    let apart = (upper(first) - lower(second)).min_element() < 1e-6;
+    usize::from(!apart) + entangled(first) + entangled(second)
+}
+
+/// Triangles and quadrics come in lists whose halves are apart.
+#[test]
+fn rt_lists_fall_into_halves() {
+    let mesh = sphere(40, 60);
+    let centre = |corners: [DVec3; 3]| corners.iter().sum::<DVec3>();
+    let as_made: Vec<_> =
+        mesh.triangles.iter().map(|(c, _)| centre(c.map(|i| mesh.vertices[i as usize].position))).collect();
+    assert!(entangled(&as_made) > 50, "the test sees nothing: {}", entangled(&as_made));
+    let mut scene = crowd("torus", mesh, 1, 0.3);
+    scene.objects.extend(rich_scene("torus").objects.into_iter().filter(|o| !matches!(o.shape, Shape::Mesh(_))));
+    let world = world(&scene);
+    let mut triangles = 0;
+    for part in world.still.copies.iter().flat_map(|copy| &copy.parts) {
+        let places: Vec<_> = part.triangles.clone().map(|index| centre(world.still.triangles[index])).collect();
+        triangles += places.len();
+        assert_eq!(entangled(&places), 0, "of {} triangles", places.len());
+    }
+    assert!(triangles >= 4800 && triangles % 4800 == 0, "{triangles}");
+    let quadrics: Vec<_> = world.quadrics.iter().map(|q| q.bounds.centre()).collect();
+    assert!(quadrics.len() > 2);
+    assert_eq!(entangled(&quadrics), 0, "of {} quadrics", quadrics.len());
+}
+
 /// A sphere with so many rows and columns of quadrilaterals.
 fn sphere(rows: u32, columns: u32) -> Mesh {
     let mut vertices = Vec::new();

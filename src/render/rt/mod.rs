@@ -57,6 +57,9 @@ pub struct RtOptions {
     pub recursive: bool,
 }
 
+/// Launches are whole blocks of so many invocations across and down: see `launch_pixel` in `shaders/entry/raygen.rgen`.
+const LAUNCH_BLOCK: [u32; 2] = [8, 2];
+
 /// The ray tracing pipeline of a world.
 #[derive(Debug)]
 pub struct Rt {
@@ -188,13 +191,15 @@ impl Tracer for Rt {
         let extent = if self.variant.constants.listed != 0 {
             [LIST_WIDTH, across.div_ceil(LIST_WIDTH), 1]
         } else {
-            [across, down, eyes]
+            [across.next_multiple_of(LAUNCH_BLOCK[0]), down.next_multiple_of(LAUNCH_BLOCK[1]), eyes]
         };
         recorder.trace(&self.pipeline, &self.table, set, tile, extent)
     }
 
     fn scratch(&self, _: &DeviceInfo, launch: [u32; 3]) -> Option<Scratch> {
-        let pixels: u64 = launch.map(u64::from).iter().product();
+        let [across, down, eyes] = launch.map(u64::from);
+        let [width, height] = LAUNCH_BLOCK.map(u64::from);
+        let pixels = across.next_multiple_of(width) * down.next_multiple_of(height) * eyes;
         let bytes = pixels * size_of::<vec3>() as u64;
         (!self.variant.geometry.is_straight()).then_some(Scratch { binding: binding::bends, name: "bends", bytes })
     }

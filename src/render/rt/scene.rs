@@ -3,9 +3,13 @@
 use super::{
     super::{
         RenderError, StructureStats,
+        bvh::{Aabb, halve},
         device::{Device, pack},
         plan::Feature,
-        world::{World, meshes::Part},
+        world::{
+            World,
+            meshes::{MeshCopy, Part},
+        },
     },
     Group, groups,
     moving::MovingMeshes,
@@ -91,7 +95,7 @@ struct Still {
     instances: Vec<StillInstance>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct StillInstance {
     cell: usize,
     structure: usize,
@@ -286,16 +290,21 @@ impl Still {
                 same && triangles.boxes.is_none() && opaque(*first).eq(opaque(index))
             })
         };
-        // Of its own is what others are images of; and, because software traverses large structures of boxes badly (1.5
-        // times the time in the curved spaces), each copy whose triangles have boxes.
+        // Of its own is what others are images of; and, because software traverses large structures of boxes badly (1.2
+        // times the instructions in Nil), each copy whose triangles have boxes.
         let mut own = vec![triangles.boxes.is_some(); copies.len()];
         (0..copies.len()).filter_map(shared).for_each(|(first, _)| own[first] = true);
         let mut blueprints: Vec<Blueprint> = Vec::new();
-        let mut instances = Vec::with_capacity(copies.len());
+        // With the centres of their boxes.
+        let mut placed: Vec<(DVec3, StillInstance)> = Vec::with_capacity(copies.len());
         let mut build = |name: String, parts: Vec<bottom::Part>| {
             let (shapes, buffer) = triangles.shapes();
             blueprints.push(Blueprint { name, shapes, buffer, parts, moves: false });
             blueprints.len() - 1
+        };
+        let centre = |copy: &MeshCopy| {
+            let triangles = copy.parts.iter().flat_map(|part| &world.still.triangles[part.triangles.clone()]);
+            Aabb::around(triangles.flatten().copied()).centre()
         };
         let mut known = vec![0; copies.len()];
         for (index, copy) in copies.iter().enumerate() {
@@ -306,10 +315,16 @@ impl Still {
             };
             known[index] = structure;
             if !copy.is_empty() {
-                instances.push(StillInstance { cell: copy.cell, structure, transform, record: records.len() as u32 });
+                let record = records.len() as u32;
+                placed.push((centre(copy), StillInstance { cell: copy.cell, structure, transform, record }));
                 records.extend(&made[index].1);
             }
         }
+        placed.sort_by_key(|(_, instance)| instance.cell);
+        for same in placed.chunk_by_mut(|(_, a), (_, b)| a.cell == b.cell) {
+            halve(same, |(centre, _)| *centre);
+        }
+        let mut instances: Vec<_> = placed.into_iter().map(|(_, instance)| instance).collect();
         // The rest, which is there once only, is one structure: traversal need not enter several where they overlap.
         for cell in 0..world.cells.len() {
             let alone = |index: &usize| {

@@ -221,7 +221,10 @@ impl<'a, G: Geometry> Builder<'a, G> {
                 }
             }
         }
-        self.quadrics.sort_by_key(|q| (q.cell, q.material));
+        self.quadrics.sort_by_key(|q| q.cell);
+        for same in self.quadrics.chunk_by_mut(|a, b| a.cell == b.cell) {
+            bvh::halve(same, |q| q.bounds.centre());
+        }
         Ok(())
     }
 

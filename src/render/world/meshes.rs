@@ -7,6 +7,7 @@ use super::{
 };
 use crate::{
     geometry::{Geodesic, Geometry, exponential},
+    render::bvh::halve,
     scene::{Mesh, Vertex},
     shader_io::TriangleShading,
     space::{domain::Domain, observer::Frame},
@@ -65,7 +66,7 @@ impl RestMesh {
             embed(geometry, map, position, vertex.normal, 1e-5 * position.length().max(1e-3))
         };
         let vertices = mesh.vertices.par_iter().map(place).collect();
-        let mut triangles: Vec<RestTriangle> = mesh
+        let triangles = mesh
             .triangles
             .iter()
             .map(|(corners, own)| RestTriangle {
@@ -74,7 +75,23 @@ impl RestMesh {
                 material: material.unwrap_or(*own) as u32,
             })
             .collect();
+        Self::assembled(geometry, object, frame, vertices, triangles)
+    }
+
+    /// A mesh of these vertices and triangles, which are put in order: those of one material in a row, and each row
+    /// [halved](halve).
+    pub fn assembled<G: Geometry>(
+        geometry: G,
+        object: u32,
+        frame: Frame,
+        vertices: Vec<Placed>,
+        mut triangles: Vec<RestTriangle>,
+    ) -> Self {
         triangles.sort_by_key(|t| t.material);
+        let centre = |t: &RestTriangle| t.corners.iter().map(|&c| geometry.chart(vertices[c as usize].point)).sum();
+        for same in triangles.chunk_by_mut(|a, b| a.material == b.material) {
+            halve(same, centre);
+        }
         Self { object, frame, vertices, triangles }
     }
 
