@@ -86,6 +86,6 @@ impl<G: Geometry> Builder<'_, G> {
         let triangle = |corners: [u32; 3]| RestTriangle { corners, uv: corners.map(|v| uv[v as usize]), material };
         let triangles = triangles.map(triangle).collect();
         let frame = Frame { cell, point: geometry.base(), axes: geometry.frame(geometry.base()) };
-        Some(RestMesh::assembled(geometry, index as u32, frame, vertices, triangles))
+        Some(RestMesh::in_chart(geometry, index as u32, frame, vertices, triangles))
     }
 }

@@ -75,20 +75,33 @@ impl RestMesh {
                 material: material.unwrap_or(*own) as u32,
             })
             .collect();
-        Self::assembled(geometry, object, frame, vertices, triangles)
+        // Where the mesh has its vertices itself: objects with the same mesh share structures, triangle by triangle.
+        Self::assembled(object, frame, vertices, triangles, |vertex| mesh.vertices[vertex].position)
     }
 
-    /// A mesh of these vertices and triangles, which are put in order: those of one material in a row, and each row
-    /// [halved](halve).
-    pub fn assembled<G: Geometry>(
+    /// A mesh of vertices and triangles that are in the chart.
+    pub fn in_chart<G: Geometry>(
         geometry: G,
         object: u32,
         frame: Frame,
         vertices: Vec<Placed>,
+        triangles: Vec<RestTriangle>,
+    ) -> Self {
+        let chart: Vec<DVec3> = vertices.iter().map(|vertex| geometry.chart(vertex.point)).collect();
+        Self::assembled(object, frame, vertices, triangles, |vertex| chart[vertex])
+    }
+
+    /// A mesh of these vertices and triangles, which are put in order: those of one material in a row, and each row
+    /// [halved](halve) by where the vertices are.
+    fn assembled(
+        object: u32,
+        frame: Frame,
+        vertices: Vec<Placed>,
         mut triangles: Vec<RestTriangle>,
+        position: impl Fn(usize) -> DVec3,
     ) -> Self {
         triangles.sort_by_key(|t| t.material);
-        let centre = |t: &RestTriangle| t.corners.iter().map(|&c| geometry.chart(vertices[c as usize].point)).sum();
+        let centre = |t: &RestTriangle| t.corners.iter().map(|&vertex| position(vertex as usize)).sum();
         for same in triangles.chunk_by_mut(|a, b| a.material == b.material) {
             halve(same, centre);
         }

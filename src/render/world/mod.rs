@@ -43,7 +43,7 @@ pub struct World {
     pub still: Arc<Meshes>,
     /// Meshes that move; none in a world for a single picture.
     pub movers: Vec<Mover>,
-    /// Quadrics, by cell, and in each cell [halved](bvh::halve).
+    /// Quadrics, by cell, and in each cell [halved](crate::render::bvh::halve).
     pub quadrics: Vec<WorldQuadric>,
     /// Materials.
     pub materials: Arc<Vec<Material>>,

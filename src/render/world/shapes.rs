@@ -221,7 +221,7 @@ impl<G: Geometry> Builder<'_, G> {
         let corners = surface.triangles.into_iter();
         let triangles = corners.map(|corners| RestTriangle { corners, uv: [[0.0; 2]; 3], material }).collect();
         let frame = Frame { cell, point: self.geometry.base(), axes: self.geometry.frame(self.geometry.base()) };
-        let rest = RestMesh::assembled(self.geometry, index as u32, frame, surface.placed, triangles);
+        let rest = RestMesh::in_chart(self.geometry, index as u32, frame, surface.placed, triangles);
         self.add_divided(object, rest)
     }
 }
