@@ -57,8 +57,10 @@ pub struct RtOptions {
     pub recursive: bool,
 }
 
-/// Launches are whole blocks of so many invocations across and down: see `launch_pixel` in `shaders/entry/raygen.rgen`.
-const LAUNCH_BLOCK: [u32; 2] = [8, 2];
+/// The launch for so many pixels across and down: whole blocks, see `launch_pixel` in `shaders/entry/raygen.rgen`.
+fn whole_blocks([across, down]: [u32; 2]) -> [u32; 2] {
+    [across.next_multiple_of(8), down.next_multiple_of(2)]
+}
 
 /// The ray tracing pipeline of a world.
 #[derive(Debug)]
@@ -186,20 +188,19 @@ impl Tracer for Rt {
         tile: &Dispatch,
         eyes: u32,
     ) -> Result<(), VulkanError> {
-        let [across, down] = tile.extent;
         // Rows of a list are whole but for the last.
         let extent = if self.variant.constants.listed != 0 {
-            [LIST_WIDTH, across.div_ceil(LIST_WIDTH), 1]
+            [LIST_WIDTH, tile.extent[0].div_ceil(LIST_WIDTH), 1]
         } else {
-            [across.next_multiple_of(LAUNCH_BLOCK[0]), down.next_multiple_of(LAUNCH_BLOCK[1]), eyes]
+            let [across, down] = whole_blocks(tile.extent);
+            [across, down, eyes]
         };
         recorder.trace(&self.pipeline, &self.table, set, tile, extent)
     }
 
-    fn scratch(&self, _: &DeviceInfo, launch: [u32; 3]) -> Option<Scratch> {
-        let [across, down, eyes] = launch.map(u64::from);
-        let [width, height] = LAUNCH_BLOCK.map(u64::from);
-        let pixels = across.next_multiple_of(width) * down.next_multiple_of(height) * eyes;
+    fn scratch(&self, _: &DeviceInfo, [across, down, eyes]: [u32; 3]) -> Option<Scratch> {
+        let [across, down] = whole_blocks([across, down]);
+        let pixels: u64 = [across, down, eyes].map(u64::from).iter().product();
         let bytes = pixels * size_of::<vec3>() as u64;
         (!self.variant.geometry.is_straight()).then_some(Scratch { binding: binding::bends, name: "bends", bytes })
     }

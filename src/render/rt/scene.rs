@@ -320,10 +320,7 @@ impl Still {
                 records.extend(&made[index].1);
             }
         }
-        placed.sort_by_key(|(_, instance)| instance.cell);
-        for same in placed.chunk_by_mut(|(_, a), (_, b)| a.cell == b.cell) {
-            halve(same, |(centre, _)| *centre);
-        }
+        halve(&mut placed, |(_, instance)| instance.cell, |(centre, _)| *centre);
         let mut instances: Vec<_> = placed.into_iter().map(|(_, instance)| instance).collect();
         // The rest, which is there once only, is one structure: traversal need not enter several where they overlap.
         for cell in 0..world.cells.len() {

@@ -221,10 +221,7 @@ impl<'a, G: Geometry> Builder<'a, G> {
                 }
             }
         }
-        self.quadrics.sort_by_key(|q| q.cell);
-        for same in self.quadrics.chunk_by_mut(|a, b| a.cell == b.cell) {
-            bvh::halve(same, |q| q.bounds.centre());
-        }
+        bvh::halve(&mut self.quadrics, |q| q.cell, |q| q.bounds.centre());
         Ok(())
     }
 

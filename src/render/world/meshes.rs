@@ -100,11 +100,8 @@ impl RestMesh {
         mut triangles: Vec<RestTriangle>,
         position: impl Fn(usize) -> DVec3,
     ) -> Self {
-        triangles.sort_by_key(|t| t.material);
         let centre = |t: &RestTriangle| t.corners.iter().map(|&vertex| position(vertex as usize)).sum();
-        for same in triangles.chunk_by_mut(|a, b| a.material == b.material) {
-            halve(same, centre);
-        }
+        halve(&mut triangles, |t| t.material, centre);
         Self { object, frame, vertices, triangles }
     }
 
