@@ -1,4 +1,4 @@
-//! What tests of several modules share: the device, taken by one test at a time, and counted skips.
+//! What tests of several modules share: contexts on the device, each taken by one test at a time, and counted skips.
 
 use glam::{DMat4, DVec3, DVec4};
 use holonomy::{
@@ -21,13 +21,19 @@ use std::{
 /// Comma list of what must not be skipped: `compute`, `rt`, `validation`, `xr`.
 const REQUIRE: &str = "HOLONOMY_REQUIRE";
 
-static TURN: Mutex<()> = Mutex::new(());
+/// Whose turn it is at each of the contexts that tests share, and to open one's own. So two tests may use a software device at
+/// once, while each of them compiles or checks on one core, but hardly three.
+static TURNS: [Mutex<()>; 3] = [const { Mutex::new(()) }; 3];
+const COMPUTE: usize = 0;
+const RT: usize = 1;
+const OWN: usize = 2;
+
 static SKIPPED: AtomicUsize = AtomicUsize::new(0);
 
-/// The device, for as long as this lives. Its end fails the test if the validation layer has complained.
+/// A shared context, for as long as this lives. Its end fails the test if the validation layer has complained.
 pub struct Gpu {
     context: Arc<Context>,
-    /// No other test uses a device meanwhile: software devices take all cores each.
+    /// No other test uses this context meanwhile, so that what the layer says is about this test.
     _turn: MutexGuard<'static, ()>,
 }
 
@@ -54,8 +60,7 @@ impl Drop for Gpu {
 /// # Panics
 /// If the device is there and fails.
 pub fn gpu() -> Option<Gpu> {
-    static CONTEXT: OnceLock<Result<Arc<Context>, VulkanError>> = OnceLock::new();
-    take("compute", turn(), CONTEXT.get_or_init(|| Context::new(&options(Tier::Compute)?)))
+    shared(Tier::Compute).map(|context| Gpu { _turn: turn(COMPUTE), context })
 }
 
 /// The device for ray tracing, opened for it, in the same way.
@@ -63,13 +68,15 @@ pub fn gpu() -> Option<Gpu> {
 /// # Panics
 /// If the device is there and fails.
 pub fn rt_gpu() -> Option<Gpu> {
-    static CONTEXT: OnceLock<Result<Arc<Context>, VulkanError>> = OnceLock::new();
-    take("rt", turn(), CONTEXT.get_or_init(|| Context::new(&options(Tier::Rt)?)))
+    shared(Tier::Rt).map(|context| Gpu { _turn: turn(RT), context })
 }
 
-fn take(what: &str, turn: MutexGuard<'static, ()>, context: &Result<Arc<Context>, VulkanError>) -> Option<Gpu> {
-    match context {
-        Ok(context) => Some(Gpu { context: context.clone(), _turn: turn }),
+/// The context that tests share.
+fn shared(tier: Tier) -> Option<Arc<Context>> {
+    static CONTEXTS: [OnceLock<Result<Arc<Context>, VulkanError>>; 2] = [const { OnceLock::new() }; 2];
+    let (at, what) = if tier == Tier::Rt { (RT, "rt") } else { (COMPUTE, "compute") };
+    match CONTEXTS[at].get_or_init(|| Context::new(&options(tier)?)) {
+        Ok(context) => Some(context.clone()),
         Err(
             reason @ (VulkanError::NoLoader(_)
             | VulkanError::OldLoader(_)
@@ -84,21 +91,23 @@ fn take(what: &str, turn: MutexGuard<'static, ()>, context: &Result<Arc<Context>
     }
 }
 
-/// A turn at the device for a test that opens its own context, and the options for it. Such a test reads the
-/// messages of the options.
+/// A turn for a test that opens its own context, and the options for it. Such a test reads the messages of the options.
 pub fn gpu_turn() -> Option<(MutexGuard<'static, ()>, ContextOptions)> {
-    gpu()?;
-    options(Tier::Compute).ok().map(|options| (turn(), options))
+    own(Tier::Compute)
 }
 
 /// The same for ray tracing.
 pub fn rt_turn() -> Option<(MutexGuard<'static, ()>, ContextOptions)> {
-    rt_gpu()?;
-    options(Tier::Rt).ok().map(|options| (turn(), options))
+    own(Tier::Rt)
 }
 
-fn turn() -> MutexGuard<'static, ()> {
-    TURN.lock().unwrap_or_else(PoisonError::into_inner)
+fn own(tier: Tier) -> Option<(MutexGuard<'static, ()>, ContextOptions)> {
+    shared(tier)?;
+    options(tier).ok().map(|options| (turn(OWN), options))
+}
+
+fn turn(at: usize) -> MutexGuard<'static, ()> {
+    TURNS[at].lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The device of the environment, else the best for the tier, with as much validation as there is.
