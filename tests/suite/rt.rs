@@ -436,9 +436,7 @@ fn life(options: &ContextOptions, scene: &Scene) -> Result<(), RenderError> {
 #[test]
 fn rt_faults_end_in_errors_that_name_the_call() {
     let Some((_turn, options)) = rt_turn() else { return };
-    let mut scene = moving_scene("torus");
-    // Calls are what matters, and hundreds of lives compile the same pipeline: it need not shade.
-    scene.lights.clear();
+    let scene = moving_scene("torus");
     let faults = FaultInjection::default();
     let options = ContextOptions { faults: faults.clone(), ..options };
     faults.record();

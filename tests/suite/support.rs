@@ -21,12 +21,19 @@ use std::{
 /// Comma list of what must not be skipped: `compute`, `rt`, `validation`, `xr`.
 const REQUIRE: &str = "HOLONOMY_REQUIRE";
 
-/// Whose turn it is at each of the contexts that tests share, and to open one's own. So two tests may use a software device at
-/// once, while each of them compiles or checks on one core, but hardly three.
-static TURNS: [Mutex<()>; 3] = [const { Mutex::new(()) }; 3];
-const COMPUTE: usize = 0;
-const RT: usize = 1;
-const OWN: usize = 2;
+/// A context that tests share, and whose turn it is.
+struct Shared {
+    tier: Tier,
+    /// Its name in [`REQUIRE`].
+    name: &'static str,
+    context: OnceLock<Result<Arc<Context>, VulkanError>>,
+    turn: Mutex<()>,
+}
+
+// Not one turn for all: a test that compiles, or opens contexts by the hundred, keeps one core busy and the others idle.
+static COMPUTE: Shared = Shared::new(Tier::Compute, "compute");
+static RT: Shared = Shared::new(Tier::Rt, "rt");
+static OWN: Mutex<()> = Mutex::new(());
 
 static SKIPPED: AtomicUsize = AtomicUsize::new(0);
 
@@ -60,7 +67,7 @@ impl Drop for Gpu {
 /// # Panics
 /// If the device is there and fails.
 pub fn gpu() -> Option<Gpu> {
-    shared(Tier::Compute).map(|context| Gpu { _turn: turn(COMPUTE), context })
+    COMPUTE.take()
 }
 
 /// The device for ray tracing, opened for it, in the same way.
@@ -68,46 +75,53 @@ pub fn gpu() -> Option<Gpu> {
 /// # Panics
 /// If the device is there and fails.
 pub fn rt_gpu() -> Option<Gpu> {
-    shared(Tier::Rt).map(|context| Gpu { _turn: turn(RT), context })
-}
-
-/// The context that tests share.
-fn shared(tier: Tier) -> Option<Arc<Context>> {
-    static CONTEXTS: [OnceLock<Result<Arc<Context>, VulkanError>>; 2] = [const { OnceLock::new() }; 2];
-    let (at, what) = if tier == Tier::Rt { (RT, "rt") } else { (COMPUTE, "compute") };
-    match CONTEXTS[at].get_or_init(|| Context::new(&options(tier)?)) {
-        Ok(context) => Some(context.clone()),
-        Err(
-            reason @ (VulkanError::NoLoader(_)
-            | VulkanError::OldLoader(_)
-            | VulkanError::NoDevice
-            | VulkanError::Lacking { .. }),
-        ) => {
-            skip(what, &reason.to_string());
-            None
-        }
-        // A failing driver or a mistyped variable is no reason to skip.
-        Err(failure) => panic!("{failure}"),
-    }
+    RT.take()
 }
 
 /// A turn for a test that opens its own context, and the options for it. Such a test reads the messages of the options.
 pub fn gpu_turn() -> Option<(MutexGuard<'static, ()>, ContextOptions)> {
-    own(Tier::Compute)
+    COMPUTE.own()
 }
 
 /// The same for ray tracing.
 pub fn rt_turn() -> Option<(MutexGuard<'static, ()>, ContextOptions)> {
-    own(Tier::Rt)
+    RT.own()
 }
 
-fn own(tier: Tier) -> Option<(MutexGuard<'static, ()>, ContextOptions)> {
-    shared(tier)?;
-    options(tier).ok().map(|options| (turn(OWN), options))
+impl Shared {
+    const fn new(tier: Tier, name: &'static str) -> Self {
+        Self { tier, name, context: OnceLock::new(), turn: Mutex::new(()) }
+    }
+
+    fn take(&'static self) -> Option<Gpu> {
+        self.context().map(|context| Gpu { _turn: locked(&self.turn), context })
+    }
+
+    fn own(&self) -> Option<(MutexGuard<'static, ()>, ContextOptions)> {
+        self.context()?;
+        options(self.tier).ok().map(|options| (locked(&OWN), options))
+    }
+
+    fn context(&self) -> Option<Arc<Context>> {
+        match self.context.get_or_init(|| Context::new(&options(self.tier)?)) {
+            Ok(context) => Some(context.clone()),
+            Err(
+                reason @ (VulkanError::NoLoader(_)
+                | VulkanError::OldLoader(_)
+                | VulkanError::NoDevice
+                | VulkanError::Lacking { .. }),
+            ) => {
+                skip(self.name, &reason.to_string());
+                None
+            }
+            // A failing driver or a mistyped variable is no reason to skip.
+            Err(failure) => panic!("{failure}"),
+        }
+    }
 }
 
-fn turn(at: usize) -> MutexGuard<'static, ()> {
-    TURNS[at].lock().unwrap_or_else(PoisonError::into_inner)
+fn locked(turn: &'static Mutex<()>) -> MutexGuard<'static, ()> {
+    turn.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The device of the environment, else the best for the tier, with as much validation as there is.
