@@ -6,12 +6,21 @@
 
 const float NO_HIT = 2.0;
 
+// a x b, which is -(b x a) to the last bit: hardware that contracts one of the two products into an addition would round
+// it otherwise than the other, also in its own cross().
+vec3 triangle_cross(vec3 a, vec3 b) {
+    precise vec3 plus = a.yzx * b.zxy;
+    precise vec3 minus = a.zxy * b.yzx;
+    precise vec3 difference = plus - minus;
+    return difference;
+}
+
 // Products of the segment with the edges: of one sign where it passes inside. They are antisymmetric to the last
 // bit, so two triangles that share an edge leave no gap: one of them contains every segment that passes it.
 vec3 triangle_edges(Segment segment, vec3 a, vec3 b, vec3 c) {
-    precise float wa = dot(segment.direction, cross(b, c));
-    precise float wb = dot(segment.direction, cross(c, a));
-    precise float wc = dot(segment.direction, cross(a, b));
+    precise float wa = dot(segment.direction, triangle_cross(b, c));
+    precise float wb = dot(segment.direction, triangle_cross(c, a));
+    precise float wc = dot(segment.direction, triangle_cross(a, b));
     return vec3(wa, wb, wc);
 }
 
