@@ -425,7 +425,8 @@ struct ProfileArgs {
     /// Frames of each configuration that are measured.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     frames: u32,
-    /// Frames of each configuration that are thrown away before, besides the first.
+    /// Frames of each configuration that are thrown away before, besides the first; more where they take less than half a
+    /// second.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=100_000))]
     warm_up: u32,
     /// How geodesics that are curved in the chart are integrated.

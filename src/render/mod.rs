@@ -63,6 +63,14 @@ pub trait Backend {
         target: &mut Target,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Stats, RenderError>;
+
+    /// Does the work of a picture that nobody sees, to measure it: where there is a device, it stays there.
+    ///
+    /// # Errors
+    /// As [`Backend::render`].
+    fn trace(&mut self, shot: &Shot) -> Result<Stats, RenderError> {
+        self.render(shot, &mut Target::new(shot.size), &|_| ())
+    }
 }
 
 /// What a backend lacks for a plan.

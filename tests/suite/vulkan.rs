@@ -206,6 +206,10 @@ fn compute_draws_and_counts_each_pixel_once() {
         assert!(stats.trace_time <= stats.wall_time);
         assert_eq!(stats.memory, gpu.memory_in_use() - before);
         assert!(stats.memory >= rays / u64::from(samples) * 16);
+        // The same work for a picture that nobody sees.
+        let unseen = backend.trace(&shot(size, samples)).expect("a picture's work");
+        assert_eq!(unseen.counts, stats.counts);
+        assert!(unseen.dispatches > 0 && unseen.trace_time <= unseen.wall_time);
     }
     drop(backend);
     assert_eq!(gpu.memory_in_use(), before);

@@ -300,12 +300,27 @@ impl<T: Tracer> Backend for DeviceBackend<T> {
         target: &mut Target,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Stats, RenderError> {
+        self.draw(shot, Some(target), progress)
+    }
+
+    fn trace(&mut self, shot: &Shot) -> Result<Stats, RenderError> {
+        self.draw(shot, None, &|_| ())
+    }
+}
+
+impl<T: Tracer> DeviceBackend<T> {
+    /// Draws a picture, and brings it to the target if there is one.
+    fn draw(
+        &mut self,
+        shot: &Shot,
+        target: Option<&mut Target>,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Stats, RenderError> {
         let start = Instant::now();
-        let [width, height] = shot.size;
         let Some(mut loaded) = self.loaded.take() else { return Err(RenderError::NothingLoaded) };
         let Some(bands) = loaded.bands(&self.device, shot.size) else {
             self.loaded = Some(loaded);
-            return Err(self.device.too_large("a row of pixels", u64::from(width) * PIXEL_BYTES));
+            return Err(self.device.too_large("a row of pixels", u64::from(shot.size[0]) * PIXEL_BYTES));
         };
         let mut picture =
             Picture { backend: self, loaded: &mut loaded, shot, progress, done: 0, stats: Stats::default() };
@@ -318,7 +333,6 @@ impl<T: Tracer> Backend for DeviceBackend<T> {
         // After an error the world is still there: a lost device says so again, and memory may come back.
         self.loaded = Some(loaded);
         drawn?;
-        (target.width, target.height) = (width, height);
         stats.wall_time = start.elapsed();
         Ok(stats)
     }
@@ -394,22 +408,41 @@ struct Picture<'a, T: Tracer> {
 }
 
 impl<T: Tracer> Picture<'_, T> {
-    fn draw(&mut self, bands: &Bands, target: &mut Target) -> Result<(), VulkanError> {
+    /// Draws all bands. The target becomes the picture once it is whole.
+    fn draw(&mut self, bands: &Bands, target: Option<&mut Target>) -> Result<(), VulkanError> {
         let [width, height] = self.shot.size;
         let mut canvas = self.canvas(bands.largest())?;
-        target.pixels.clear();
-        target.pixels.reserve_exact(width as usize * height as usize);
+        let mut pixels = Vec::new();
+        if target.is_some() {
+            pixels.reserve_exact(width as usize * height as usize);
+        }
         for rows in bands.iter() {
-            let drawn = self.draw_band(&mut canvas, rows.clone());
+            let mut drawn = self.draw_band(&mut canvas, rows.clone());
+            if target.is_some() {
+                drawn = drawn.and_then(|()| self.read_back(&mut canvas, rows.len(), &mut pixels));
+            }
             if let Err(error) = drawn {
                 self.loaded.canvas = Some(canvas);
                 return Err(error);
             }
-            let samples = self.shot.samples.max(1) as f32;
-            let sums: Vec<[f32; 4]> = canvas.readback.read(width as usize * rows.len())?;
-            target.pixels.extend(sums.iter().map(|sum| sum.map(|x| x / samples)));
         }
         self.loaded.canvas = Some(canvas);
+        if let Some(target) = target {
+            *target = Target { width, height, pixels };
+        }
+        Ok(())
+    }
+
+    /// Appends so many rows of the canvas, as means of their samples.
+    fn read_back(&mut self, canvas: &mut Canvas, rows: usize, into: &mut Vec<[f32; 4]>) -> Result<(), VulkanError> {
+        let pixels = self.shot.size[0] as usize * rows;
+        let submitter = &mut self.backend.device.submitter;
+        submitter.submit("read pixels back", |r| {
+            r.readback(&canvas.pixels, &mut canvas.readback, pixels as u64 * PIXEL_BYTES)
+        })?;
+        let samples = self.shot.samples.max(1) as f32;
+        let sums: Vec<[f32; 4]> = canvas.readback.read(pixels)?;
+        into.extend(sums.iter().map(|sum| sum.map(|x| x / samples)));
         Ok(())
     }
 
@@ -434,7 +467,7 @@ impl<T: Tracer> Picture<'_, T> {
         Ok(Canvas { size, pixels, readback, set, scratch })
     }
 
-    /// Draws all samples of some rows as a picture of their own, and brings the sums to the readback buffer.
+    /// Draws all samples of some rows as a picture of their own.
     fn draw_band(&mut self, canvas: &mut Canvas, rows: std::ops::Range<u32>) -> Result<(), VulkanError> {
         let submitter = &mut self.backend.device.submitter;
         let [width, height] = self.shot.size;
@@ -462,13 +495,7 @@ impl<T: Tracer> Picture<'_, T> {
                 self.draw_tile(canvas, &Dispatch { origin, extent, offset, eye: 0 })?;
             }
         }
-        let bytes = u64::from(size[0]) * u64::from(size[1]) * PIXEL_BYTES;
-        let elapsed = self
-            .backend
-            .device
-            .submitter
-            .submit("read pixels back", |r| r.readback(&canvas.pixels, &mut canvas.readback, bytes));
-        elapsed.map(|_| ())
+        Ok(())
     }
 
     fn draw_tile(&mut self, canvas: &Canvas, tile: &Dispatch) -> Result<(), VulkanError> {
