@@ -2,7 +2,7 @@
 #define COUNT_AT_ONCE
 #include "trace/ray.glsl"
 
-layout(location = PAYLOAD_PRIMARY) rayPayloadInEXT Payload payload;
+layout(location = PAYLOAD) rayPayloadInEXT Payload payload;
 layout(shaderRecordEXT, scalar) buffer Record { HitRecord record; };
 
 void main() {

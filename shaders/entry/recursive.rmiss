@@ -4,7 +4,7 @@
 #define COUNT_AT_ONCE
 #include "trace/payload.glsl"
 
-layout(location = PAYLOAD_PRIMARY) rayPayloadInEXT Payload payload;
+layout(location = PAYLOAD) rayPayloadInEXT Payload payload;
 
 void main() {
     stage_transport(payload.path, io_view[0].bounces, IO_LENGTHS);
@@ -15,5 +15,5 @@ void main() {
     payload_bend(segment);
     traceRayEXT(accelerationStructureEXT(io_scenes[walk_cell(payload.path)]),
                 IO_ALPHA_MASK ? gl_RayFlagsNoneEXT : gl_RayFlagsOpaqueEXT, 0xffu, 0u, 1u, MISS_PRIMARY,
-                segment.origin, 0.0, segment.direction, 1.0, PAYLOAD_PRIMARY);
+                segment.origin, 0.0, segment.direction, 1.0, PAYLOAD);
 }

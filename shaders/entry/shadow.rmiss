@@ -2,9 +2,9 @@
 #define COUNT_AT_ONCE
 #include "trace/payload.glsl"
 
-layout(location = PAYLOAD_SHADOW) rayPayloadInEXT Path payload;
+layout(location = PAYLOAD) rayPayloadInEXT Payload payload;
 
 void main() {
-    payload.status = PATH_FLYING;
-    stage_transport(payload, IO_SHADOW_BOUNCES, true);
+    payload.path.status = PATH_FLYING;
+    stage_transport(payload.path, IO_SHADOW_BOUNCES, true);
 }

@@ -2,7 +2,7 @@
 #define COUNT_AT_ONCE
 #include "trace/payload.glsl"
 
-layout(location = PAYLOAD_PRIMARY) rayPayloadInEXT Payload payload;
+layout(location = PAYLOAD) rayPayloadInEXT Payload payload;
 
 void main() {
     stage_transport(payload.path, io_view[0].bounces, IO_LENGTHS);

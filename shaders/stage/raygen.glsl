@@ -1,4 +1,5 @@
-// The ray generation stage: a pixel's geodesic, its loop of segments, and what the picture shows of its end.
+// The ray generation stage: a pixel's geodesic, the loop of its segments and of those to the lights, and what the picture
+// shows of its end.
 //
 // The loop replaces recursion: trace_segment comes back after closest-hit or miss with the path's new state.
 #ifndef RAYGEN_GLSL
@@ -16,10 +17,9 @@ Geodesic raygen_geodesic(View view, vec2 at) {
     return Geodesic(view.eye, direction);
 }
 
-// What the picture shows: a colour, or a raw value in all three channels.
-vec3 raygen_result(Path path, Hit hit) {
+// What the picture shows besides colours: a raw value in all three channels.
+vec3 raygen_raw(Path path, Hit hit) {
     bool found = path.status == PATH_HIT;
-    if (IO_SHADING == IO_SHADING_RIEMANNIAN) return found ? stage_shade(path, surface_at(path, hit)) : io_view[0].background;
     if (IO_SHADING == IO_SHADING_NORMALS) return found ? 0.5 + 0.5 * normalize(hit.conormal) : vec3(0.0);
     if (IO_SHADING == IO_SHADING_DISTANCE) return vec3(found ? path.travelled : M_INFINITY);
     if (IO_SHADING == IO_SHADING_BOUNCES) return vec3(path.bounces);
@@ -43,21 +43,43 @@ void stage_raygen(uvec2 pixel, uint eye, vec2 offset) {
     Geodesic g = raygen_geodesic(view, vec2(pixel) + offset);
     Path path = walk_start(g, view.cell, 0u);
     Hit hit = Hit(vec3(0.0), vec2(0.0), 0u, IO_NONE);
-    Segment segment;
+    Shading shading = shade_nothing();
     count(IO_COUNT_RAYS);
-    bool first = true;
     uint limit_of_segments = (view.bounces + 1u) * IO_SEGMENTS_PER_BOUNCE;
-    while (path.status == PATH_FLYING && path.segments < limit_of_segments
-           && !(IO_FOG && view.fog * path.travelled > IO_FOG_HIDES)
-           && stage_segment(path, walk_limit(), view.bounces, first, segment)) {
-        count(IO_COUNT_SEGMENTS);
-        trace_segment(path, hit, segment);
-        first = false;
+    // The ray in flight: the pixel's, then those to lights. One piece of code is for both, or they would not fit into the
+    // registers of hardware; and each invocation asks its own lights one after the other without waiting for others.
+    Path ray = path;
+    float limit = walk_limit();
+    bool first = true;
+    for (bool shadow = false;; shadow = true) {
+        if (shadow && !shade_batch(shading, path)) break;
+        while (true) {
+            if (shadow && ray.status != PATH_FLYING) {
+                if (ray.status == PATH_GONE) shade_add(shading, path, shading.light);
+                if (!shade_ask(shading, path, ray, limit)) break;
+                first = true;
+            } else if (!shadow && (ray.status != PATH_FLYING || ray.segments >= limit_of_segments
+                                   || IO_FOG && view.fog * ray.travelled > IO_FOG_HIDES)) {
+                break;
+            }
+            Segment segment;
+            if (ray.status == PATH_FLYING && stage_segment(ray, limit, shadow ? IO_SHADOW_BOUNCES : view.bounces, first, segment)) {
+                count(shadow ? IO_COUNT_SHADOW_SEGMENTS : IO_COUNT_SEGMENTS);
+                trace_segment(ray, hit, segment, shadow);
+                first = false;
+            }
+        }
+        if (!shadow) {
+            path = ray;
+            if (IO_SHADING != IO_SHADING_RIEMANNIAN || path.status != PATH_HIT) break;
+            shading = shade_start(path, hit);
+        }
+        ray.status = PATH_HIT;
     }
     if (path.status == PATH_HIT) count(IO_COUNT_HITS);
     count_add(IO_COUNT_BOUNCES, path.bounces);
     uint at = (eye * view.size.y + pixel.y) * view.size.x + pixel.x;
-    vec3 result = raygen_result(path, hit);
+    vec3 result = IO_SHADING == IO_SHADING_RIEMANNIAN ? shade_end(shading, path) : raygen_raw(path, hit);
     // What is seen goes along with what it cost, so that the compiler leaves nothing out.
 #ifdef RAYGEN_CLOCK
     result = vec3(float(clock2x32ARB().x - started), result.x + result.y + result.z, 0.0);

@@ -1,58 +1,33 @@
 // Riemannian shading: Lambert and specular light by the metric at the hit, falloff by the area density of the
-// geometry, shadows along geodesics through the faces. Called by the ray generation stage once a path has hit,
-// so that shadow rays are traced from there and no stage ever traces from inside another.
+// geometry, shadows along geodesics through the faces. The ray generation stage traces the rays to the lights, so that no
+// stage ever traces from inside another.
 #ifndef SHADE_GLSL
 #define SHADE_GLSL
 #include "stage/walk.glsl"
 #include "stage/surface.glsl"
 #include "shared/brdf.glsl"
 
-// Whether something stands between a surface point and a light at distance `range` in direction of g.
-bool shade_occluded(Geodesic g, float range, uint cell) {
-    count(IO_COUNT_SHADOW_RAYS);
-    Path path = walk_start(g, cell, IO_NONE);
-    Segment segment;
-    bool first = true;
-    while (path.status == PATH_FLYING && stage_segment(path, range, IO_SHADOW_BOUNCES, first, segment)) {
-        count(IO_COUNT_SHADOW_SEGMENTS);
-        trace_shadow_segment(path, segment);
-        first = false;
-    }
-    return path.status == PATH_HIT;
+// What is seen where a path ends, and which images of lights still have to be asked whether something hides them.
+struct Shading {
+    Surface surface;
+    float nv;      // normal with viewer
+    vec3 color;    // linear, of the light that has arrived so far
+    uint next;     // image to look at next
+    uint end;      // after the last one
+    uint batch;    // image that bit 0 stands for
+    uint asked;    // bit i: image batch + i shines on the surface, unless something hides it
+    uint light;    // image that the ray in flight goes to
+};
+
+// Of a path that has met nothing.
+Shading shade_nothing() {
+    Surface none = Surface(vec4(0.0), vec3(0.0), vec3(0.0), 0.0, 0.0);
+    return Shading(none, 0.0, io_view[0].background, 0u, 0u, 0u, 0u, 0u);
 }
 
-// Light of one image of a point light.
-vec3 shade_light(uint index, Path path, Surface surface, float nv) {
-    // Most images are out of range: they are told before anything is computed.
-    if (geo_closeness(path.point, io_light_images[index].point) < io_light_images[index].closest) return vec3(0.0);
-    Light light = io_light_images[index];
-    float range;
-    vec4 direction = geo_log(path.point, light.point, range);
-    float nl = geo_inner(path.point, surface.normal, direction);
-    if (range >= light.range || nl <= 0.0) return vec3(0.0);
-    if (light.spot_cosine >= -1.0) {
-        float unused;
-        vec4 outward = geo_log(light.point, path.point, unused);
-        if (geo_inner(light.point, light.axis, outward) < light.spot_cosine) return vec3(0.0);
-    }
-    if (IO_SHADOWS && light.shadows != 0u) {
-        // From a point a little above the surface, so that it does not shadow itself.
-        Geodesic above = geo_flow(Geodesic(path.point, surface.normal), IO_SHADOW_OFFSET);
-        float to_light;
-        vec4 towards = geo_log(above.point, light.point, to_light);
-        // And to a point a little before the light: what it is fixed to does not hide it from one side at random.
-        float reach = to_light - IO_SHADOW_OFFSET;
-        if (reach > 0.0 && shade_occluded(Geodesic(above.point, towards), reach, path.cell)) return vec3(0.0);
-    }
-    float share = range / light.range;
-    float window = 1.0 - share * share * share * share;
-    float area = max(geo_area_density(Geodesic(path.point, direction), range), IO_MIN_LIGHT_AREA);
-    float lv = -geo_inner(path.point, path.velocity, direction);
-    return light.color * (window * window / area) * brdf(surface.base_color, surface.metallic, surface.roughness, nl, nv, lv);
-}
-
-// Linear colour of the path's hit.
-vec3 stage_shade(Path path, Surface surface) {
+// Of the path's hit, with the light that nothing can hide.
+Shading shade_start(Path path, Hit hit) {
+    Surface surface = surface_at(path, hit);
     float nv = -geo_inner(path.point, path.velocity, surface.normal);
     vec3 color = surface.emission + io_view[0].ambient * surface.base_color;
     if (IO_HEADLIGHT && nv > 0.0) {
@@ -60,15 +35,75 @@ vec3 stage_shade(Path path, Surface surface) {
         float area = max(geo_area_density(Geodesic(path.point, -path.velocity), path.travelled), IO_MIN_LIGHT_AREA);
         color += io_view[0].headlight / area * brdf(surface.base_color, surface.metallic, surface.roughness, nv, nv, 1.0);
     }
-    if (IO_LIGHTS) {
-        uint first = io_cells[walk_cell(path)].first_light;
-        uint number = io_cells[walk_cell(path)].light_count;
-        for (uint i = 0u; i < number; i++) {
-            color += shade_light(first + i, path, surface, nv);
+    uint first = IO_LIGHTS ? io_cells[walk_cell(path)].first_light : 0u;
+    uint number = IO_LIGHTS ? io_cells[walk_cell(path)].light_count : 0u;
+    return Shading(surface, nv, color, first, first + number, first, 0u, first);
+}
+
+// Whether an image of a light shines on the surface, unless something hides it.
+bool shade_shines(uint image, Path path, vec4 normal) {
+    // Most images are out of range: they are told before anything is computed.
+    if (geo_closeness(path.point, io_light_images[image].point) < io_light_images[image].closest) return false;
+    Light light = io_light_images[image];
+    float range;
+    vec4 direction = geo_log(path.point, light.point, range);
+    if (range >= light.range || geo_inner(path.point, normal, direction) <= 0.0) return false;
+    if (light.spot_cosine < -1.0) return true;
+    float unused;
+    vec4 outward = geo_log(light.point, path.point, unused);
+    return geo_inner(light.point, light.axis, outward) >= light.spot_cosine;
+}
+
+// Adds the light of an image that shines on the surface.
+void shade_add(inout Shading shading, Path path, uint image) {
+    Light light = io_light_images[image];
+    Surface surface = shading.surface;
+    float range;
+    vec4 direction = geo_log(path.point, light.point, range);
+    float nl = geo_inner(path.point, surface.normal, direction);
+    float lv = -geo_inner(path.point, path.velocity, direction);
+    float share = range / light.range;
+    float window = 1.0 - share * share * share * share;
+    float area = max(geo_area_density(Geodesic(path.point, direction), range), IO_MIN_LIGHT_AREA);
+    shading.color += light.color * (window * window / area)
+        * brdf(surface.base_color, surface.metallic, surface.roughness, nl, shading.nv, lv);
+}
+
+// Looks at the next images: adds the light of those without shadows, and notes which others have to be asked. False: there
+// are no more images.
+bool shade_batch(inout Shading shading, Path path) {
+    if (!IO_LIGHTS || shading.next == shading.end) return false;
+    shading.batch = shading.next;
+    shading.next = min(shading.next + 32u, shading.end);
+    for (uint image = shading.batch; image < shading.next; image++) {
+        if (shade_shines(image, path, shading.surface.normal)) {
+            if (IO_SHADOWS && io_light_images[image].shadows != 0u) shading.asked |= 1u << (image - shading.batch);
+            else shade_add(shading, path, image);
         }
     }
-    if (IO_FOG) color = mix(io_view[0].background, color, exp(-io_view[0].fog * path.travelled));
-    return color;
+    return true;
+}
+
+// A ray to the next image of the batch that has to be asked, and its largest length. False: none is left.
+bool shade_ask(inout Shading shading, Path path, inout Path ray, inout float limit) {
+    if (shading.asked == 0u) return false;
+    shading.light = shading.batch + uint(findLSB(shading.asked));
+    shading.asked &= shading.asked - 1u;
+    // From a point a little above the surface, so that it does not shadow itself.
+    Geodesic above = geo_flow(Geodesic(path.point, shading.surface.normal), IO_SHADOW_OFFSET);
+    float to_light;
+    above.velocity = geo_log(above.point, io_light_images[shading.light].point, to_light);
+    // And to a point a little before the light: what it is fixed to does not hide it from one side at random.
+    limit = to_light - IO_SHADOW_OFFSET;
+    ray = walk_start(above, path.cell, IO_NONE);
+    if (limit > 0.0) count(IO_COUNT_SHADOW_RAYS); else ray.status = PATH_GONE;
+    return true;
+}
+
+// What the picture shows of a path, once all light has arrived.
+vec3 shade_end(Shading shading, Path path) {
+    if (!IO_FOG || path.status != PATH_HIT) return shading.color;
+    return mix(io_view[0].background, shading.color, exp(-io_view[0].fog * path.travelled));
 }
 
 #endif

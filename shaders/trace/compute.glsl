@@ -56,21 +56,6 @@ uint slabs_entered(Slabs slabs, Node node, float s_end) {
     return bits.x | bits.y | bits.z | bits.w;
 }
 
-// Invocations that walk the hierarchy together (IO_TOGETHER > 0) visit what any of them has to: where they run in lockstep
-// that reads each node once for all.
-uint together_or(uint bits) {
-    return IO_TOGETHER > 0u ? subgroupOr(bits) : bits;
-}
-
-uint together_first(uint value) {
-    return IO_TOGETHER > 0u ? subgroupBroadcastFirst(value) : value;
-}
-
-bool together_all(bool value) {
-    // Not subgroupAll, which software answers lane by lane.
-    return together_or(value ? 0u : 1u) == 0u;
-}
-
 // Index and kind of what a reference names.
 uint reference_index(uint reference) {
     return reference & ((1u << IO_REFERENCE_SHIFT) - 1u);
@@ -96,7 +81,8 @@ float primitive_hit(Segment segment, uint reference, float s_end) {
     return IO_ALPHA_MASK && hit.x < s_end && stage_is_hole(index, hit.yz) ? NO_HIT : hit.x;
 }
 
-// First entry of the subgroup's stack. Its depth is kept before it, in memory as well: software would keep a variable that
+// Invocations that walk the hierarchy together (IO_TOGETHER > 0) visit what any of them has to: where they run in lockstep
+// that reads each node once for all. First entry of the subgroup's stack. Its depth is kept before it, in memory as well: software would keep a variable that
 // a loop changes in a vector, and take long to get at its only number.
 uint together_stack() {
     uint group = (gl_WorkGroupID.z * gl_NumWorkGroups.y + gl_WorkGroupID.y) * gl_NumWorkGroups.x + gl_WorkGroupID.x;
@@ -107,7 +93,7 @@ uint together_stack() {
 uint together_owned[IO_STACK_SIZE / 32u];
 
 bool together_counts() {
-    return IO_TOGETHER > 0u && (IO_COUNTERS || IO_HEAT == IO_COUNT_NODES + 1u);
+    return IO_COUNTERS || IO_HEAT == IO_COUNT_NODES + 1u;
 }
 
 void together_own(uint entry, bool own) {
@@ -120,41 +106,48 @@ bool together_owns(uint entry) {
     return !together_counts() || ((together_owned[entry >> 5u] >> (entry & 31u)) & 1u) != 0u;
 }
 
-// Walks the hierarchy of a cell front to back; returns the primitive hit, or IO_NONE. With `any_hit` the first one found
-// will do. Choices that all invocations of a subgroup share are made without branches, as far as possible: software keeps
-// what branches and loops change in vectors, and what they do not in scalars.
-uint traverse_cell(Segment segment, uint cell, bool any_hit) {
+// The children of a node from near to far, by the axis that it is sorted along, and the bits that stand for them.
+struct Children {
+    uvec4 references;
+    uvec4 bits;
+};
+
+Children node_children(Node node, uint reference, uint down) {
+    bool from_last = ((down >> reference_kind(reference)) & 1u) != 0u;
+    return from_last ? Children(node.children.wzyx, uvec4(8u, 4u, 2u, 1u)) : Children(node.children, uvec4(1u, 2u, 4u, 8u));
+}
+
+// Walks the hierarchy of a cell front to back, all invocations of a subgroup together; returns the primitive hit, or IO_NONE.
+// With `any_hit` the first one found will do. Choices that all share are made without branches, as far as possible:
+// software keeps what branches and loops change in vectors, and what they do not in scalars.
+uint traverse_together(Segment segment, uint cell, bool any_hit) {
     uint found = IO_NONE;
     uint root = io_cells[cell].root;
     if (root == IO_NONE) return found;
     Slabs slabs = slabs_of(segment, io_cells[cell]);
-    uint down = together_first(slabs.down);
+    uint down = subgroupBroadcastFirst(slabs.down);
     float s_end = 1.0 + 1e-6;
-    uint stack[IO_STACK_SIZE]; // of an invocation that walks alone
     uint base = together_stack();
-    if (IO_TOGETHER > 0u) io_stacks[base] = root; else stack[0] = root;
+    io_stacks[base] = root;
     together_own(0u, true);
-    uint depth = 1u;
-    if (IO_TOGETHER > 0u) io_stacks[base - 1u] = 1u;
+    io_stacks[base - 1u] = 1u;
     while (true) {
-        uint top = (IO_TOGETHER > 0u ? io_stacks[base - 1u] : depth) - 1u;
-        uint current = IO_TOGETHER > 0u ? io_stacks[base + top] : stack[top];
+        uint top = io_stacks[base - 1u] - 1u;
+        uint current = io_stacks[base + top];
         Node node = io_nodes[reference_index(current)];
         if (together_owns(top)) count(IO_COUNT_NODES);
         uint own = slabs_entered(slabs, node, s_end);
-        uint entered = together_or(own);
-        // The children from near to far: primitives at once.
-        bool from_last = ((down >> reference_kind(current)) & 1u) != 0u;
-        uvec4 children = from_last ? node.children.wzyx : node.children;
-        uvec4 bits = from_last ? uvec4(8u, 4u, 2u, 1u) : uvec4(1u, 2u, 4u, 8u);
-        bvec4 among = notEqual(bits & entered, uvec4(0u));
+        Children children = node_children(node, current, down);
+        bvec4 among = notEqual(children.bits & subgroupOr(own), uvec4(0u));
+        // Primitives at once.
         [[unroll]] for (uint i = 0u; i < 4u; i++) {
-            if (among[i] && reference_kind(children[i]) > IO_REFERENCE_NOTHING) {
-                if ((own & bits[i]) != 0u) {
-                    float s = primitive_hit(segment, children[i], s_end);
+            uint child = children.references[i];
+            if (among[i] && reference_kind(child) > IO_REFERENCE_NOTHING) {
+                if ((own & children.bits[i]) != 0u) {
+                    float s = primitive_hit(segment, child, s_end);
                     if (s < s_end) {
                         s_end = s;
-                        found = children[i];
+                        found = child;
                     }
                 }
             }
@@ -162,15 +155,55 @@ uint traverse_cell(Segment segment, uint cell, bool any_hit) {
         // Nodes from far to near, so that the nearest is on top. What is none is written over.
         [[unroll]] for (uint k = 0u; k < 4u; k++) {
             uint i = 3u - k;
-            if (IO_TOGETHER > 0u) io_stacks[base + top] = children[i]; else stack[top] = children[i];
-            together_own(top, (own & bits[i]) != 0u);
-            top += among[i] && reference_kind(children[i]) < IO_REFERENCE_NOTHING ? 1u : 0u;
+            io_stacks[base + top] = children.references[i];
+            together_own(top, (own & children.bits[i]) != 0u);
+            top += among[i] && reference_kind(children.references[i]) < IO_REFERENCE_NOTHING ? 1u : 0u;
         }
         if (top == 0u) break;
-        if (IO_TOGETHER > 0u) io_stacks[base - 1u] = top; else depth = top;
+        io_stacks[base - 1u] = top;
         if (any_hit) {
-            if (together_all(found != IO_NONE)) break;
+            // Not subgroupAll, which software answers lane by lane.
+            if (subgroupOr(found == IO_NONE ? 1u : 0u) == 0u) break;
             if (found != IO_NONE) s_end = -1.0;
+        }
+    }
+    return found;
+}
+
+// The same for an invocation by itself. It walks nodes until a primitive is on top of its stack, so that those of a subgroup,
+// which hardware runs in lockstep, test primitives at the same time although they are at different nodes (Aila and Laine:
+// Understanding the efficiency of ray traversal on GPUs, 2009).
+uint traverse_alone(Segment segment, uint cell, bool any_hit) {
+    uint found = IO_NONE;
+    uint current = io_cells[cell].root;
+    if (current == IO_NONE) return found;
+    Slabs slabs = slabs_of(segment, io_cells[cell]);
+    float s_end = 1.0 + 1e-6;
+    uint stack[IO_STACK_SIZE];
+    stack[0] = IO_NONE;
+    uint depth = 1u;
+    while (current != IO_NONE) {
+        while (reference_kind(current) < IO_REFERENCE_NOTHING) {
+            Node node = io_nodes[reference_index(current)];
+            count(IO_COUNT_NODES);
+            Children children = node_children(node, current, slabs.down);
+            bvec4 among = notEqual(children.bits & slabs_entered(slabs, node, s_end), uvec4(0u));
+            // Nodes, then primitives, from far to near: what comes next is on top.
+            [[unroll]] for (uint k = 0u; k < 8u; k++) {
+                uint child = children.references[3u - k % 4u];
+                bool fits = k < 4u ? reference_kind(child) < IO_REFERENCE_NOTHING : reference_kind(child) > IO_REFERENCE_NOTHING;
+                if (among[3u - k % 4u] && fits) stack[depth++] = child;
+            }
+            current = stack[--depth];
+        }
+        if (current != IO_NONE) {
+            float s = primitive_hit(segment, current, s_end);
+            if (s < s_end) {
+                s_end = s;
+                found = current;
+                if (any_hit) break;
+            }
+            current = stack[--depth];
         }
     }
     return found;
@@ -180,37 +213,31 @@ uint traverse_cell(Segment segment, uint cell, bool any_hit) {
 uint traverse(Segment segment, uint cell, bool any_hit) {
     uint found = IO_NONE;
     if (!(IO_MESHES || IO_QUADRICS)) return found;
-    if (IO_TOGETHER == 0u || IO_FACES > 0u) return traverse_cell(segment, cell, any_hit);
+    if (IO_TOGETHER == 0u) return traverse_alone(segment, cell, any_hit);
+    if (IO_FACES > 0u) return traverse_together(segment, cell, any_hit);
     // Together go those that are in the same cell.
     for (bool waiting = true; waiting;) {
         uint first = subgroupBroadcastFirst(cell);
         if (first == cell) {
-            found = traverse_cell(segment, first, any_hit);
+            found = traverse_together(segment, first, any_hit);
             waiting = false;
         }
     }
     return found;
 }
 
-// Traces one segment of a primary ray: closest-hit or miss follows.
-void trace_segment(inout Path path, inout Hit hit, Segment segment) {
-    uint reference = traverse(segment, walk_cell(path), false);
+// Traces one segment of a pixel's ray, which closest-hit or miss follows, or of a shadow ray, which a hit ends.
+void trace_segment(inout Path path, inout Hit hit, Segment segment, bool shadow) {
+    uint reference = traverse(segment, walk_cell(path), shadow);
     uint index = reference_index(reference);
     if (reference == IO_NONE) {
-        stage_transport(path, io_view[0].bounces, IO_LENGTHS);
+        stage_transport(path, shadow ? IO_SHADOW_BOUNCES : io_view[0].bounces, IO_LENGTHS || shadow);
+    } else if (shadow) {
+        path.status = PATH_HIT;
     } else if (reference_is_quadric(reference)) {
         stage_hit_quadric(path, hit, segment, index, io_quadric_shading[index].material);
     } else {
         stage_hit_triangle(path, hit, segment, index, io_triangle_shading[index].material);
-    }
-}
-
-// Traces one segment of a shadow ray: a hit ends it, a miss transports it.
-void trace_shadow_segment(inout Path path, Segment segment) {
-    if (traverse(segment, walk_cell(path), true) != IO_NONE) {
-        path.status = PATH_HIT;
-    } else {
-        stage_transport(path, IO_SHADOW_BOUNCES, true);
     }
 }
 

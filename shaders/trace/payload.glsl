@@ -3,16 +3,15 @@
 #define PAYLOAD_GLSL
 #include "stage/hit.glsl"
 
-// A primary ray: 92 bytes, 64 of which any stage needs to move a geodesic on and 28 to say what was hit. The material
+// A ray: 92 bytes, 64 of which any stage needs to move a geodesic on and 28 to say what a pixel's ray has hit. The material
 // itself is read by raygen: its seven numbers would have to be kept alive through every traversal.
 struct Payload {
     Path path;
     Hit hit;
 };
 
-// Locations of a primary ray's Payload and of a shadow ray's Path (64 bytes).
-const int PAYLOAD_PRIMARY = 0;
-const int PAYLOAD_SHADOW = 1;
+// Its location.
+const int PAYLOAD = 0;
 
 // The device's traversal knows straight rays only: it looks for boxes about triangles near the chord of an arc, and the
 // intersection shader meets the triangles with the arc. Its bend travels in a buffer, because an intersection shader sees
