@@ -1,5 +1,5 @@
 //! The three backends draw the same picture: rt and compute (f32 on the device) that of the cpu (f64), and on one driver
-//! rt that of compute exactly.
+//! rt that of compute (exactly, where the driver is software).
 //!
 //! Compared are 8-bit sRGB values, as a viewer sees them. At least 99.9 % of the pixels must be within 2/255 (where
 //! geodesics are walked in arcs, as many as the roundings of f32 allow: `Reference::curved_limit`), and each of the others
@@ -19,7 +19,7 @@ use holonomy::{
     scene::{Scene, Shading, file},
     shader_io as io,
     space::catalogue,
-    vulkan::Context,
+    vulkan::{Context, DeviceKind},
 };
 use std::sync::Arc;
 
@@ -153,7 +153,12 @@ impl Reference {
 
     /// Why the other picture does not agree, or the share of its pixels that differ.
     fn judge(&self, other: &[[i32; 3]]) -> Result<f64, String> {
-        let differing: Vec<usize> = (0..other.len()).filter(|i| step(self.colors[*i], other[*i]) > EQUAL).collect();
+        self.judge_both(&self.colors, other)
+    }
+
+    /// The same for two pictures that neither is the reference.
+    fn judge_both(&self, one: &[[i32; 3]], other: &[[i32; 3]]) -> Result<f64, String> {
+        let differing: Vec<usize> = (0..other.len()).filter(|i| step(one[*i], other[*i]) > EQUAL).collect();
         let share = differing.len() as f64 / other.len() as f64;
         if share > self.limit {
             return Err(format!("{:.4} % of the pixels differ, {:.4} % may", 100.0 * share, 100.0 * self.limit));
@@ -164,7 +169,7 @@ impl Reference {
                 i % self.size,
                 i / self.size,
                 other[*i],
-                self.colors[*i]
+                one[*i]
             )),
             None => Ok(share),
         }
@@ -175,9 +180,10 @@ fn compute(context: &Arc<Context>) -> ComputeBackend {
     ComputeBackend::new(context).expect("the backend can be made")
 }
 
-/// Smallest share of pixels whose 8-bit values are equal in rt and compute on one driver. Traversals round differently,
-/// so within a rounding of an edge they may select another triangle; everything else is the same code. That may happen
-/// once with each segment, so where a crossing of a cell takes several arcs so many times more pixels may differ.
+/// Smallest share of pixels whose 8-bit values are equal in rt and compute on one driver of software. Traversals round
+/// differently, so within a rounding of an edge they may select another triangle; everything else is the same code. That may
+/// happen once with each segment, so where a crossing of a cell takes several arcs so many times more pixels may differ.
+/// Hardware contracts other products into additions in each pipeline: there the two are compared as each is with the cpu.
 const EXACT_SHARE: f64 = 0.9999;
 
 /// Why the pictures are not equal, or the share of pixels that differ. `arcs`: segments per crossing.
@@ -211,14 +217,18 @@ fn agrees(name: &str) {
         let traced = srgb(&traced);
         judge("rt", &traced);
         let computed = srgb(&draw(&mut compute(&gpu), &scene));
-        match judge_exactly(&traced, &computed, arcs.per_crossing) {
+        let judged = match gpu.info().kind {
+            DeviceKind::Cpu => judge_exactly(&traced, &computed, arcs.per_crossing),
+            _ => reference.judge_both(&traced, &computed),
+        };
+        match judged {
             Ok(share) => println!("{name}: rt against compute: {:.4} % of the pixels are not equal", 100.0 * share),
             Err(why) => panic!("{name}: rt against compute: {why}"),
         }
     }
 }
 
-/// The recursive variant draws the same picture, bit for bit, and is refused where the device's recursion is too shallow.
+/// The recursive variant draws the same picture, bit for bit on software, and is refused where the device's recursion is too shallow.
 #[test]
 fn agree_recursive_variant() {
     let Some(gpu) = support::rt_gpu() else { return };
@@ -230,7 +240,11 @@ fn agree_recursive_variant() {
         let looped = draw(&mut RtBackend::new(&gpu).expect("the backend can be made"), &scene);
         let drawn = draw(&mut recursive, &scene);
         let differing = looped.pixels.iter().zip(&drawn.pixels).filter(|(a, b)| a != b).count();
-        assert_eq!(differing, 0, "the recursive variant draws other pixels");
+        let may = if gpu.info().kind == DeviceKind::Cpu { 0.0 } else { 1.0 - EXACT_SHARE };
+        assert!(
+            differing as f64 <= may * drawn.pixels.len() as f64,
+            "the recursive variant draws {differing} other pixels"
+        );
         assert!(looped.pixels.iter().any(|p| p[0] != looped.pixels[0][0]));
     }
     scene.settings.bounces = limit;
