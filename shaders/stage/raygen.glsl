@@ -35,6 +35,12 @@ uvec3 raygen_listed(uint index) {
     return uvec3(ray & mask, (ray >> IO_LIST_BITS) & mask, ray >> (2u * IO_LIST_BITS));
 }
 
+// Whether a pixel's ray has met something or is not worth following any further.
+bool raygen_ended(View view, Path ray) {
+    return ray.status != PATH_FLYING || ray.segments >= (view.bounces + 1u) * IO_SEGMENTS_PER_BOUNCE
+        || IO_FOG && view.fog * ray.travelled > IO_FOG_HIDES;
+}
+
 void stage_raygen(uvec2 pixel, uint eye, vec2 offset) {
 #ifdef RAYGEN_CLOCK
     uint started = clock2x32ARB().x;
@@ -45,9 +51,8 @@ void stage_raygen(uvec2 pixel, uint eye, vec2 offset) {
     Hit hit = Hit(vec3(0.0), vec2(0.0), 0u, IO_NONE);
     Shading shading = shade_nothing();
     count(IO_COUNT_RAYS);
-    uint limit_of_segments = (view.bounces + 1u) * IO_SEGMENTS_PER_BOUNCE;
-    // The ray in flight: the pixel's, then those to lights. One piece of code is for both, or they would not fit into the
-    // registers of hardware; and each invocation asks its own lights one after the other without waiting for others.
+    // The ray in flight: the pixel's, then those to lights, by one piece of code. Each invocation asks its own lights one after
+    // the other: where they run in lockstep, rays to different lights are traced at the same time.
     Path ray = path;
     float limit = walk_limit();
     bool first = true;
@@ -58,12 +63,12 @@ void stage_raygen(uvec2 pixel, uint eye, vec2 offset) {
                 if (ray.status == PATH_GONE) shade_add(shading, path, shading.light);
                 if (!shade_ask(shading, path, ray, limit)) break;
                 first = true;
-            } else if (!shadow && (ray.status != PATH_FLYING || ray.segments >= limit_of_segments
-                                   || IO_FOG && view.fog * ray.travelled > IO_FOG_HIDES)) {
+            } else if (!shadow && raygen_ended(view, ray)) {
                 break;
             }
             Segment segment;
-            if (ray.status == PATH_FLYING && stage_segment(ray, limit, shadow ? IO_SHADOW_BOUNCES : view.bounces, first, segment)) {
+            uint bounces = shadow ? IO_SHADOW_BOUNCES : view.bounces;
+            if (ray.status == PATH_FLYING && stage_segment(ray, limit, bounces, first, segment)) {
                 count(shadow ? IO_COUNT_SHADOW_SEGMENTS : IO_COUNT_SEGMENTS);
                 trace_segment(ray, hit, segment, shadow);
                 first = false;

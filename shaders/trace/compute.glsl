@@ -148,6 +148,7 @@ uint traverse_together(Segment segment, uint cell, bool any_hit) {
                     if (s < s_end) {
                         s_end = s;
                         found = child;
+                        if (any_hit) own = 0u;
                     }
                 }
             }

@@ -199,10 +199,10 @@ impl<'a, G: Geometry> Tracer<'a, G> {
                 if s < s_end {
                     s_end = s;
                     hit = Some(primitive);
+                    if any_hit {
+                        return hit;
+                    }
                 }
-            }
-            if any_hit && hit.is_some() {
-                break;
             }
             if next == Reference::Nothing.word() && depth > 0 {
                 depth -= 1;
