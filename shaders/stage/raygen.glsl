@@ -79,6 +79,7 @@ void stage_raygen(uvec2 pixel, uint eye, vec2 offset) {
             if (IO_SHADING != IO_SHADING_RIEMANNIAN || path.status != PATH_HIT) break;
             shading = shade_start(path, hit);
         }
+        // None is in flight to a light that could be added.
         ray.status = PATH_HIT;
     }
     if (path.status == PATH_HIT) count(IO_COUNT_HITS);

@@ -14,15 +14,14 @@ struct Shading {
     vec3 color;    // linear, of the light that has arrived so far
     uint next;     // image to look at next
     uint end;      // after the last one
-    uint batch;    // image that bit 0 stands for
-    uint asked;    // bit i: image batch + i shines on the surface, unless something hides it
+    uint asked;    // bit i: image next - 32 + i shines on the surface, unless something hides it
     uint light;    // image that the ray in flight goes to
 };
 
 // Of a path that has met nothing.
 Shading shade_nothing() {
     Surface none = Surface(vec4(0.0), vec3(0.0), vec3(0.0), 0.0, 0.0);
-    return Shading(none, 0.0, io_view[0].background, 0u, 0u, 0u, 0u, 0u);
+    return Shading(none, 0.0, io_view[0].background, 0u, 0u, 0u, 0u);
 }
 
 // Of the path's hit, with the light that nothing can hide.
@@ -37,7 +36,7 @@ Shading shade_start(Path path, Hit hit) {
     }
     uint first = IO_LIGHTS ? io_cells[walk_cell(path)].first_light : 0u;
     uint number = IO_LIGHTS ? io_cells[walk_cell(path)].light_count : 0u;
-    return Shading(surface, nv, color, first, first + number, first, 0u, first);
+    return Shading(surface, nv, color, first, first + number, 0u, first);
 }
 
 // Whether an image of a light shines on the surface, unless something hides it.
@@ -72,22 +71,23 @@ void shade_add(inout Shading shading, Path path, uint image) {
 // Looks at the next images: adds the light of those without shadows, and notes which others have to be asked. False: there
 // are no more images.
 bool shade_batch(inout Shading shading, Path path) {
-    if (!IO_LIGHTS || shading.next == shading.end) return false;
-    shading.batch = shading.next;
-    shading.next = min(shading.next + 32u, shading.end);
-    for (uint image = shading.batch; image < shading.next; image++) {
+    if (!IO_LIGHTS || shading.next >= shading.end) return false;
+    uint number = min(shading.end - shading.next, 32u);
+    for (uint i = 0u; i < number; i++) {
+        uint image = shading.next + i;
         if (shade_shines(image, path, shading.surface.normal)) {
-            if (IO_SHADOWS && io_light_images[image].shadows != 0u) shading.asked |= 1u << (image - shading.batch);
+            if (IO_SHADOWS && io_light_images[image].shadows != 0u) shading.asked |= 1u << i;
             else shade_add(shading, path, image);
         }
     }
+    shading.next += 32u;
     return true;
 }
 
 // A ray to the next image of the batch that has to be asked, and its largest length. False: none is left.
 bool shade_ask(inout Shading shading, Path path, inout Path ray, inout float limit) {
     if (shading.asked == 0u) return false;
-    shading.light = shading.batch + uint(findLSB(shading.asked));
+    shading.light = shading.next - 32u + uint(findLSB(shading.asked));
     shading.asked &= shading.asked - 1u;
     // From a point a little above the surface, so that it does not shadow itself.
     Geodesic above = geo_flow(Geodesic(path.point, shading.surface.normal), IO_SHADOW_OFFSET);

@@ -156,7 +156,7 @@ impl Reference {
         self.judge_both(&self.colors, other)
     }
 
-    /// The same for two pictures that neither is the reference.
+    /// The same for two pictures of which neither is the reference.
     fn judge_both(&self, one: &[[i32; 3]], other: &[[i32; 3]]) -> Result<f64, String> {
         let differing: Vec<usize> = (0..other.len()).filter(|i| step(one[*i], other[*i]) > EQUAL).collect();
         let share = differing.len() as f64 / other.len() as f64;
@@ -228,7 +228,8 @@ fn agrees(name: &str) {
     }
 }
 
-/// The recursive variant draws the same picture, bit for bit on software, and is refused where the device's recursion is too shallow.
+/// The recursive variant draws the same picture, bit for bit on software, and is refused where the device's recursion is too
+/// shallow.
 #[test]
 fn agree_recursive_variant() {
     let Some(gpu) = support::rt_gpu() else { return };

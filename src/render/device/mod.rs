@@ -408,19 +408,19 @@ struct Picture<'a, T: Tracer> {
 }
 
 impl<T: Tracer> Picture<'_, T> {
-    /// Draws all bands. The target becomes the picture once it is whole.
-    fn draw(&mut self, bands: &Bands, target: Option<&mut Target>) -> Result<(), VulkanError> {
+    /// Draws all bands, and brings them to the target if there is one, whose memory is used again.
+    fn draw(&mut self, bands: &Bands, mut target: Option<&mut Target>) -> Result<(), VulkanError> {
         let [width, height] = self.shot.size;
         let mut canvas = self.canvas(bands.largest())?;
-        let mut pixels = Vec::new();
-        if target.is_some() {
-            pixels.reserve_exact(width as usize * height as usize);
+        if let Some(target) = &mut target {
+            target.pixels.clear();
+            target.pixels.reserve_exact(width as usize * height as usize);
         }
         for rows in bands.iter() {
-            let mut drawn = self.draw_band(&mut canvas, rows.clone());
-            if target.is_some() {
-                drawn = drawn.and_then(|()| self.read_back(&mut canvas, rows.len(), &mut pixels));
-            }
+            let drawn = self.draw_band(&mut canvas, rows.clone()).and_then(|()| match &mut target {
+                Some(target) => self.read_back(&mut canvas, rows.len(), &mut target.pixels),
+                None => Ok(()),
+            });
             if let Err(error) = drawn {
                 self.loaded.canvas = Some(canvas);
                 return Err(error);
@@ -428,7 +428,7 @@ impl<T: Tracer> Picture<'_, T> {
         }
         self.loaded.canvas = Some(canvas);
         if let Some(target) = target {
-            *target = Target { width, height, pixels };
+            (target.width, target.height) = (width, height);
         }
         Ok(())
     }
