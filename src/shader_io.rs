@@ -3,7 +3,8 @@
 //! Each is written once, here, by a macro that declares the Rust item and emits its GLSL text; the build script
 //! includes this file by path and writes [`glsl`] to `shared/io.glsl` on the shader include path. All buffers
 //! use scalar block layout (`VK_EXT_scalar_block_layout`, core in Vulkan 1.2), so a `vec3` is three floats on
-//! both sides; the test `shaders::layout` compares every offset with the compiled SPIR-V.
+//! both sides; the test `shaders::layout` compares every offset with the compiled SPIR-V. In what rays read, vectors lie on
+//! multiples of 16 bytes all the same: hardware gets such a one in one piece.
 
 /// GLSL type names, so that the structures below read the same in both languages.
 #[allow(non_camel_case_types)]
@@ -155,24 +156,33 @@ structures! {
         shift: vec4,
         /// Cell on the other side.
         cell: uint,
+        /// Unused.
+        padding: uvec3,
     }
 
     /// A cell: ranges in the other buffers.
     struct Cell {
-        /// First face.
-        first_face: uint,
-        /// Number of faces.
-        face_count: uint,
-        /// Root of the cell's bounding volume hierarchy, or [`NONE`].
-        root: uint,
-        /// First light image.
-        first_light: uint,
-        /// Number of light images.
-        light_count: uint,
         /// Lower corner of the grid of the hierarchy's boxes, in the chart.
         grid_lower: vec3,
+        /// Root of the cell's bounding volume hierarchy, or [`NONE`].
+        root: uint,
         /// Grid lines per unit of the chart along each axis.
         grid_scale: vec3,
+        /// First face.
+        first_face: uint,
+        /// Lower corner of the grid whose boxes list lights, in the chart.
+        light_lower: vec3,
+        /// Number of faces.
+        face_count: uint,
+        /// Boxes of that grid per unit of the chart along each axis.
+        light_scale: vec3,
+        /// Boxes along each axis.
+        light_boxes: uint,
+        /// Where the lists of the boxes begin in `light_lists`: of each box the place of its first image, and of the one
+        /// behind the last.
+        light_lists: uint,
+        /// Unused.
+        padding: uvec3,
     }
 
     /// Node of a hierarchy: the boxes of its four children on the cell's grid, a cache line.
@@ -191,10 +201,16 @@ structures! {
     struct Triangle {
         /// First corner.
         a: vec3,
+        /// Unused.
+        after_a: float,
         /// Second corner.
         b: vec3,
+        /// Unused.
+        after_b: float,
         /// Third corner.
         c: vec3,
+        /// Unused.
+        after_c: float,
     }
 
     /// What shading needs of a triangle.
@@ -237,6 +253,8 @@ structures! {
         quadratic: float,
         /// The rest.
         constant: float,
+        /// Unused.
+        padding: vec2,
     }
 
     /// What traversal needs of a quadric only where it is hit, and what shading needs.
@@ -249,6 +267,8 @@ structures! {
         material: uint,
         /// Index of the scene's object.
         object: uint,
+        /// Unused.
+        padding: uvec2,
     }
 
     /// A surface's looks: the metallic-roughness model of glTF 2.0.
@@ -296,14 +316,16 @@ structures! {
         color: vec3,
         /// Its light fades to nothing at this distance.
         range: float,
-        /// The geometry's closeness of points at that distance.
-        closest: float,
         /// Axis of a spot light: unit tangent vector at its position.
         axis: vec4,
+        /// The geometry's closeness of points at that distance.
+        closest: float,
         /// Cosine of half the spot's opening angle; below −1: shines everywhere.
         spot_cosine: float,
         /// 1 if objects throw shadows in it.
         shadows: uint,
+        /// Unused.
+        padding: uint,
     }
 
     /// One evaluation of a function of the geometry, for tests and the `geodesic` command.
@@ -685,6 +707,8 @@ bindings! {
     10 texels: readonly uvec2;
     /// Light images.
     11 light_images: readonly Light;
+    /// For each box of each cell's grid of lights the place in here of its list; the lists of light images.
+    31 light_lists: readonly uint;
     /// Deck element behind each face: element × faces table.
     12 label_table: readonly uint;
     /// Linear colour or raw value per pixel, summed over samples.

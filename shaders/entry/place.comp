@@ -28,7 +28,7 @@ void main() {
     // a refit must find as many triangles as the build did.
     if (outside) at[0] = at[1] = at[2] = vec3(0.0);
     uint triangle = io_placement.first_triangle + index;
-    io_placed[triangle] = Triangle(at[0], at[1], at[2]);
+    io_placed[triangle] = Triangle(at[0], 0.0, at[1], 0.0, at[2], 0.0);
     if (!GEO_STRAIGHT) {
         vec3 lower = min(at[0], min(at[1], at[2]));
         vec3 upper = max(at[0], max(at[1], at[2]));

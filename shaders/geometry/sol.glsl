@@ -1,19 +1,21 @@
 // Sol. Twin: src/geometry/sol.rs. Contract: e3.glsl.
 //
 // Points (x, y, z, 1) of the group, vectors in the left-invariant frame, arc length as parameter. Taylor series of
-// z'' = B^2 e^-2z - A^2 e^2z with constant momenta, of order 14 in steps of 1/2: the rest is below the rounding of f32.
+// z'' = B^2 e^-2z - A^2 e^2z with constant momenta, of order 9 in steps of 1/4: the rest is below the rounding of f32, as each
+// order gains a factor of 2 pi. Short series are written out in full, so that their terms are registers and not memory.
+#extension GL_EXT_control_flow_attributes : require
 
 const bool GEO_STRAIGHT = false;
 
-const int SOL_TERMS = 15;
-const float SOL_STEP = 0.5;
+const int SOL_TERMS = 10;
+const float SOL_STEP = 0.25;
+const float SOL_RISE = 1.2840254; // e^SOL_STEP
 const float SOL_HORIZON = 1.0; // longest arc; exits are looked for so far ahead at most
 const float SOL_LONG = 64.0;   // from here on whole periods are counted
 const float SOL_REACH = 85.0;  // beyond it e^z leaves f32
 
 // The series of e^2z, e^-2z and w from the identity.
 struct SolSeries {
-    int terms; // that a step needs
     float p[SOL_TERMS];
     float q[SOL_TERMS];
     float w[SOL_TERMS];
@@ -36,18 +38,15 @@ vec3 sol_relative(vec3 p, vec3 q) {
     return vec3(sol_stretch(-p.z, q.xy - p.xy), q.z - p.z);
 }
 
-// Each order gains a factor of pi/2 over the step, so short steps need few.
-SolSeries sol_series(vec3 v, float step) {
-    float size = abs(step);
+SolSeries sol_series(vec3 v) {
     SolSeries s;
-    s.terms = size > 0.25 ? SOL_TERMS : size > 0.125 ? 10 : size > 0.0625 ? 8 : 6;
     s.p[0] = 1.0;
     s.q[0] = 1.0;
     s.w[0] = v.z;
-    for (int k = 0; k < s.terms - 1; k++) {
+    [[unroll]] for (int k = 0; k < SOL_TERMS - 1; k++) {
         float pw = 0.0;
         float qw = 0.0;
-        for (int j = 0; j <= k; j++) {
+        [[unroll]] for (int j = 0; j <= k; j++) {
             pw += s.p[j] * s.w[k - j];
             qw += s.q[j] * s.w[k - j];
         }
@@ -63,7 +62,7 @@ SolSeries sol_series(vec3 v, float step) {
 vec4 sol_chart(SolSeries s, vec3 v, float t) {
     vec3 end = vec3(0.0);
     float bend = 0.0;
-    for (int k = s.terms - 1; k >= 0; k--) {
+    [[unroll]] for (int k = SOL_TERMS - 1; k >= 0; k--) {
         end = end * t + vec3(v.x * s.p[k], v.y * s.q[k], s.w[k]) / float(k + 1);
         if (k > 0) bend = bend * t + s.w[k];
     }
@@ -78,10 +77,10 @@ vec4 sol_vary(SolSeries s, vec3 v, vec4 start, float t) {
     dw[0] = start.w;
     vec4 sum = vec4(0.0, 0.0, start.zw);
     float power = t;
-    for (int k = 0; k < SOL_TERMS; k++) {
+    [[unroll]] for (int k = 0; k < SOL_TERMS; k++) {
         float pz = 0.0;
         float qz = 0.0;
-        for (int j = 0; j <= k; j++) {
+        [[unroll]] for (int j = 0; j <= k; j++) {
             pz += s.p[j] * dz[k - j];
             qz += s.q[j] * dz[k - j];
         }
@@ -111,7 +110,7 @@ vec3 sol_velocity(SolTrack track) {
 
 void sol_step(inout SolTrack track, float t) {
     vec3 v = sol_velocity(track);
-    vec4 end = sol_chart(sol_series(v, t), v, t);
+    vec4 end = sol_chart(sol_series(v), v, t);
     track.point = sol_product(track.point, end.xyz);
     track.w += end.w;
 }
@@ -149,7 +148,7 @@ vec3 sol_differential(vec3 v, float t, out mat3 differential) {
     vec4 varied[3] = vec4[3](vec4(0.0), vec4(0.0), vec4(0.0, 0.0, 0.0, 1.0));
     for (float k = 0.0; k < count; k++) {
         vec3 here = sol_velocity(track);
-        SolSeries series = sol_series(here, SOL_STEP);
+        SolSeries series = sol_series(here);
         float rise = sol_exp(track.point.z);
         for (int i = 0; i < 3; i++) {
             vec2 momenta = vec2(i == 0 ? rise : 0.0, i == 1 ? 1.0 / rise : 0.0);
@@ -264,18 +263,18 @@ float geo_exit(Geodesic g, vec4 plane, float reach) {
     SolTrack track = SolTrack(g.velocity.xyz, vec3(0.0), g.velocity.z);
     for (float travelled = 0.0; travelled < min(reach, SOL_HORIZON); travelled += SOL_STEP) {
         vec3 v = sol_velocity(track);
-        SolSeries series = sol_series(v, SOL_STEP);
+        SolSeries series = sol_series(v);
         // In coordinates about the step's start |x''| = 2|uw| e^z with |uw| <= 1/2, and |z''| <= 1.
         n = vec3(sol_stretch(g.point.z + track.point.z, plane.xy), plane.z);
-        float bend = (abs(n.x) + abs(n.y)) * 1.6487213 + abs(n.z);
+        float bend = (abs(n.x) + abs(n.y)) * SOL_RISE + abs(n.z);
         float terms[SOL_TERMS];
-        for (int k = 0; k < SOL_TERMS; k++) terms[k] = dot(n, vec3(v.x * series.p[k], v.y * series.q[k], series.w[k]));
+        [[unroll]] for (int k = 0; k < SOL_TERMS; k++) terms[k] = dot(n, vec3(v.x * series.p[k], v.y * series.q[k], series.w[k]));
         float s = 0.0;
         float before = -1.0;
         for (int i = 0; i < 256 && s <= SOL_STEP; i++) {
             float f = 0.0;
             float rate = 0.0;
-            for (int k = SOL_TERMS - 1; k >= 0; k--) {
+            [[unroll]] for (int k = SOL_TERMS - 1; k >= 0; k--) {
                 f = f * s + terms[k] / float(k + 1);
                 rate = rate * s + terms[k];
             }

@@ -12,9 +12,9 @@ struct Shading {
     Surface surface;
     float nv;      // normal with viewer
     vec3 color;    // linear, of the light that has arrived so far
-    uint next;     // image to look at next
+    uint next;     // image to look at next: its place in the lists
     uint end;      // after the last one
-    uint asked;    // bit i: image next - 32 + i shines on the surface, unless something hides it
+    uint asked;    // bit i: the image listed at next - 32 + i shines on the surface, unless something hides it
     uint light;    // image that the ray in flight goes to
 };
 
@@ -22,6 +22,17 @@ struct Shading {
 Shading shade_nothing() {
     Surface none = Surface(vec4(0.0), vec3(0.0), vec3(0.0), 0.0, 0.0);
     return Shading(none, 0.0, io_view[0].background, 0u, 0u, 0u, 0u);
+}
+
+// Where the images that may shine on a point of a cell are listed: the first place, and the one after the last.
+uvec2 shade_list(uint cell, vec4 point) {
+    if (!IO_LIGHTS) return uvec2(0u);
+    uint boxes = io_cells[cell].light_boxes;
+    vec3 place = (geo_chart(point) - io_cells[cell].light_lower) * io_cells[cell].light_scale;
+    // Boxes at the sides reach out without end.
+    uvec3 at = min(uvec3(max(place, vec3(0.0))), uvec3(boxes - 1u));
+    uint start = io_cells[cell].light_lists + (at.z * boxes + at.y) * boxes + at.x;
+    return uvec2(io_light_lists[start], io_light_lists[start + 1u]);
 }
 
 // Of the path's hit, with the light that nothing can hide.
@@ -34,9 +45,8 @@ Shading shade_start(Path path, Hit hit) {
         float area = max(geo_area_density(Geodesic(path.point, -path.velocity), path.travelled), IO_MIN_LIGHT_AREA);
         color += io_view[0].headlight / area * brdf(surface.base_color, surface.metallic, surface.roughness, nv, nv, 1.0);
     }
-    uint first = IO_LIGHTS ? io_cells[walk_cell(path)].first_light : 0u;
-    uint number = IO_LIGHTS ? io_cells[walk_cell(path)].light_count : 0u;
-    return Shading(surface, nv, color, first, first + number, 0u, first);
+    uvec2 list = shade_list(walk_cell(path), path.point);
+    return Shading(surface, nv, color, list.x, list.y, 0u, 0u);
 }
 
 // Whether an image of a light shines on the surface, unless something hides it.
@@ -74,7 +84,7 @@ bool shade_batch(inout Shading shading, Path path) {
     if (!IO_LIGHTS || shading.next >= shading.end) return false;
     uint number = min(shading.end - shading.next, 32u);
     for (uint i = 0u; i < number; i++) {
-        uint image = shading.next + i;
+        uint image = io_light_lists[shading.next + i];
         if (shade_shines(image, path, shading.surface.normal)) {
             if (IO_SHADOWS && io_light_images[image].shadows != 0u) shading.asked |= 1u << i;
             else shade_add(shading, path, image);
@@ -87,7 +97,7 @@ bool shade_batch(inout Shading shading, Path path) {
 // A ray to the next image of the batch that has to be asked, and its largest length. False: none is left.
 bool shade_ask(inout Shading shading, Path path, inout Path ray, inout float limit) {
     if (shading.asked == 0u) return false;
-    shading.light = shading.next - 32u + uint(findLSB(shading.asked));
+    shading.light = io_light_lists[shading.next - 32u + uint(findLSB(shading.asked))];
     shading.asked &= shading.asked - 1u;
     // From a point a little above the surface, so that it does not shadow itself.
     Geodesic above = geo_flow(Geodesic(path.point, shading.surface.normal), IO_SHADOW_OFFSET);

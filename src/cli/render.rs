@@ -327,7 +327,7 @@ fn stats_json(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
         "content": {
             "triangles": world.meshes().triangles.len(),
             "quadrics": world.quadrics.len(),
-            "light_images": world.lights.len(),
+            "light_images": world.lights.images.len(),
             "texels": world.textures.iter().map(|t| t.texels.len()).sum::<usize>(),
             "faces": world.domain.faces.len(),
         },

@@ -24,6 +24,9 @@ impl Aabb {
     /// The box around nothing.
     pub const EMPTY: Self = Self { lower: DVec3::INFINITY, upper: DVec3::NEG_INFINITY };
 
+    /// The box around everything.
+    pub const EVERYTHING: Self = Self { lower: DVec3::NEG_INFINITY, upper: DVec3::INFINITY };
+
     /// The smallest box around points.
     pub fn around(points: impl IntoIterator<Item = DVec3>) -> Self {
         points.into_iter().fold(Self::EMPTY, |b, p| Self { lower: b.lower.min(p), upper: b.upper.max(p) })

@@ -149,7 +149,8 @@ fn memory_of(world: &World) -> u64 {
         + size_of_val(world.quadrics.as_slice())
         + size_of_val(world.domain.faces.as_slice())
         + size_of_val(world.domain.labels.as_slice())
-        + size_of_val(world.lights.as_slice())
+        + size_of_val(world.lights.images.as_slice())
+        + size_of_val(world.lights.lists.as_slice())
         + texels;
     bytes as u64
 }

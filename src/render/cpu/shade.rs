@@ -3,7 +3,7 @@
 use super::{Counts, surface::Surface, traverse::Tracer};
 use crate::{
     geometry::{Geodesic, Geometry},
-    render::world::WorldLight,
+    render::world::lights::WorldLight,
     shader_io::{COUNT_SHADOW_RAYS, COUNT_SHADOW_SEGMENTS, MIN_LIGHT_AREA, SHADOW_BOUNCES, SHADOW_OFFSET},
     space::walk::{Path, Status},
 };
@@ -91,7 +91,7 @@ impl<G: Geometry> Tracer<'_, G> {
             color += DVec3::from(settings.headlight.map(f64::from)) / area * brdf(surface, nv, nv, 1.0);
         }
         if self.uses.lights {
-            for light in &self.world.lights[self.world.cells[path.cell].lights.clone()] {
+            for light in self.world.lights.near(path.cell, self.geometry.chart(point)) {
                 color += self.shade_light(light, path, surface, nv, counts);
             }
         }

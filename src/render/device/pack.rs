@@ -5,7 +5,7 @@ use crate::{
     render::{
         bvh::Tree,
         plan::Feature,
-        world::{World, WorldCell, WorldQuadric, meshes::Meshes},
+        world::{World, WorldQuadric, meshes::Meshes},
     },
     scene::{Material, Wrap, coordinate_ramp},
     shader_io::{self as io, NONE, binding},
@@ -26,6 +26,7 @@ pub struct Common {
     textures: Vec<io::Texture>,
     texels: Vec<[u32; 2]>,
     lights: Vec<io::Light>,
+    light_lists: Vec<u32>,
     labels: Vec<u32>,
 }
 
@@ -62,7 +63,7 @@ impl Common {
             }
         }
         if uses(Feature::Lights) {
-            common.lights.extend(world.lights.iter().map(|light| io::Light {
+            common.lights.extend(world.lights.images.iter().map(|light| io::Light {
                 point: vec4(light.point),
                 color: light.color,
                 range: light.range as f32,
@@ -70,7 +71,9 @@ impl Common {
                 axis: light.spot.map_or([0.0; 4], |(axis, _)| vec4(axis)),
                 spot_cosine: light.spot.map_or(SHINES_EVERYWHERE, |(_, cosine)| cosine as f32),
                 shadows: u32::from(light.shadows),
+                ..io::Light::default()
             }));
+            common.light_lists.clone_from(&world.lights.lists);
         }
         if uses(Feature::Labels) {
             common.labels.clone_from(&world.domain.labels);
@@ -79,13 +82,14 @@ impl Common {
     }
 
     /// The arrays.
-    pub fn arrays(&self) -> [Array<'_>; 6] {
+    pub fn arrays(&self) -> [Array<'_>; 7] {
         [
             (binding::faces, "faces", cast_slice(&self.faces)),
             (binding::materials, "materials", cast_slice(&self.materials)),
             (binding::texture_table, "textures", cast_slice(&self.textures)),
             (binding::texels, "texels", cast_slice(&self.texels)),
             (binding::light_images, "light images", cast_slice(&self.lights)),
+            (binding::light_lists, "light lists", cast_slice(&self.light_lists)),
             (binding::label_table, "labels", cast_slice(&self.labels)),
         ]
     }
@@ -93,25 +97,28 @@ impl Common {
 
 /// The cells; `trees` are their hierarchies, empty for pipelines that traverse otherwise.
 pub fn cells(world: &World, trees: &[Option<Tree>]) -> Vec<io::Cell> {
-    let lights = world.plan.uses(Feature::Lights);
-    let cell = |(index, (cell, faces)): (usize, (&WorldCell, &Range<usize>))| {
+    let cell = |(index, faces): (usize, &Range<usize>)| {
+        let lights = world.lights.grids[index];
         let tree = trees.get(index).copied().flatten();
         io::Cell {
             first_face: faces.start as u32,
             face_count: faces.len() as u32,
             root: tree.map_or(NONE, |tree| tree.root),
-            first_light: if lights { cell.lights.start as u32 } else { 0 },
-            light_count: if lights { cell.lights.len() as u32 } else { 0 },
             grid_lower: tree.map_or([0.0; 3], |tree| vec3(tree.grid.lower)),
             grid_scale: tree.map_or([1.0; 3], |tree| vec3(tree.grid.scale)),
+            light_lower: vec3(lights.lower),
+            light_scale: vec3(lights.scale),
+            light_boxes: lights.boxes,
+            light_lists: lights.first,
+            ..io::Cell::default()
         }
     };
-    world.cells.iter().zip(&world.domain.cells).enumerate().map(cell).collect()
+    world.domain.cells.iter().enumerate().map(cell).collect()
 }
 
 /// Corners of triangles.
 pub fn triangles(meshes: &Meshes) -> Vec<io::Triangle> {
-    meshes.triangles.iter().map(|[a, b, c]| io::Triangle { a: vec3(*a), b: vec3(*b), c: vec3(*c) }).collect()
+    meshes.triangles.iter().map(|[a, b, c]| io::Triangle { a: vec3(*a), b: vec3(*b), c: vec3(*c), ..io::Triangle::default() }).collect()
 }
 
 /// The surface of a quadric.
@@ -122,6 +129,7 @@ pub fn quadric(quadric: &WorldQuadric) -> io::Quadric {
         form2: vec4(quadric.surface.forms[2]),
         quadratic: quadric.surface.quadratic as f32,
         constant: quadric.surface.constant as f32,
+        ..io::Quadric::default()
     }
 }
 
@@ -132,6 +140,7 @@ pub fn quadric_shading(quadric: &WorldQuadric) -> io::QuadricShading {
         clip1: vec4(quadric.clip[1]),
         material: quadric.material,
         object: quadric.object,
+        ..io::QuadricShading::default()
     }
 }
 

@@ -151,8 +151,8 @@ impl RtScene {
         } else {
             None
         };
-        let mut tops = Vec::with_capacity(world.cells.len());
-        for cell in 0..world.cells.len() {
+        let mut tops = Vec::with_capacity(world.domain.cells.len());
+        for cell in 0..world.domain.cells.len() {
             let instances = still.instances.iter().filter(|i| i.cell == cell).count();
             let capacity = instances + moving.capacity() + usize::from(quadrics.is_some());
             tops.push(TopLevel::new(&device.context, &format!("cell {cell}"), capacity)?);
@@ -323,7 +323,7 @@ impl Still {
         halve(&mut placed, |(_, instance)| instance.cell, |(centre, _)| *centre);
         let mut instances: Vec<_> = placed.into_iter().map(|(_, instance)| instance).collect();
         // The rest, which is there once only, is one structure: traversal need not enter several where they overlap.
-        for cell in 0..world.cells.len() {
+        for cell in 0..world.domain.cells.len() {
             let alone = |index: &usize| {
                 copies[*index].cell == cell && !copies[*index].is_empty() && !own[*index] && shared(*index).is_none()
             };
@@ -370,7 +370,7 @@ impl Quadrics {
         let spare = if world.quadrics_move() { SPARE_QUADRICS } else { 0 };
         let (mut places, mut first_records) = (Vec::new(), Vec::new());
         let mut next = 0;
-        for cell in 0..world.cells.len() {
+        for cell in 0..world.domain.cells.len() {
             let count = world.quadrics.iter().filter(|q| q.cell == cell).count();
             first_records.push(records.len() as u32);
             records.push(Record { group, data: HitRecord { first: next as u32, material: NONE } });

@@ -1,9 +1,10 @@
 //! From a scene to a [`World`].
 
 use super::{
-    Mover, Pose, World, WorldCell, WorldError, WorldLight, WorldQuadric,
+    Mover, Pose, World, WorldError, WorldQuadric,
+    lights::Lights,
     meshes::{Meshes, RestMesh},
-    place::{Balls, Copy, Corners, Everywhere, Sphere, copies, keeps_to_chart},
+    place::{Copy, Corners, copies},
     shapes::grid_lines,
 };
 use crate::{
@@ -15,7 +16,7 @@ use crate::{
     scene::{Object, Place, Scene, Shape},
     space::{deck, domain::Domain, observer::Frame, polyhedron::Polyhedron, reduce::reduce_frame},
 };
-use glam::{DMat3, DQuat, DVec3, DVec4};
+use glam::{DMat3, DQuat, DVec3};
 use std::{
     collections::HashMap,
     sync::{Arc, OnceLock},
@@ -133,7 +134,8 @@ impl<'a, G: Geometry> Builder<'a, G> {
         self.check_number(&self.meshes)?;
         let is_quadric = |object: &Object| !object.shape.is_flat();
         let quadrics_move = self.scene.objects.iter().any(|object| is_quadric(object) && object.moves());
-        let (lights, light_ranges) = self.lights()?;
+        let lights: &[_] = if self.plan.uses(Feature::Lights) { &self.scene.lights } else { &[] };
+        let lights = Lights::new(self.geometry, &self.domain, &self.polyhedra, lights)?;
         let sagitta = sagitta(self.meshes.triangles.iter());
         let mut domain = self.domain;
         if self.plan.uses(Feature::Labels) {
@@ -145,7 +147,6 @@ impl<'a, G: Geometry> Builder<'a, G> {
             plan: self.plan.clone(),
             settings: self.scene.settings,
             domain: Arc::new(domain),
-            cells: light_ranges.into_iter().map(|lights| WorldCell { lights }).collect(),
             still: Arc::new(self.meshes),
             movers: self.movers,
             quadrics: self.quadrics,
@@ -172,7 +173,6 @@ impl<'a, G: Geometry> Builder<'a, G> {
             plan: last.plan.clone(),
             settings: last.settings,
             domain: last.domain.clone(),
-            cells: last.cells.clone(),
             still: last.still.clone(),
             movers: self.movers,
             quadrics: self.quadrics,
@@ -330,47 +330,6 @@ impl<'a, G: Geometry> Builder<'a, G> {
         }
         Ok(copies)
     }
-
-    /// All images of all lights that reach into each cell.
-    fn lights(&self) -> Result<(Vec<WorldLight>, Vec<std::ops::Range<usize>>), WorldError> {
-        let mut per_cell: Vec<Vec<WorldLight>> = self.polyhedra.iter().map(|_| Vec::new()).collect();
-        if self.plan.uses(Feature::Lights) {
-            for (number, light) in self.scene.lights.iter().enumerate() {
-                let name = format!("light {number}");
-                let is_quadric = self.geometry.ball(light.point, light.range).is_some();
-                let copies = if is_quadric && !keeps_to_chart(self.geometry, light.range) {
-                    copies(self.geometry, &self.domain, light.cell, &Everywhere, &name)?
-                } else if is_quadric {
-                    let extent = Balls { centres: &[light.point], radius: light.range };
-                    copies(self.geometry, &self.domain, light.cell, &extent, &name)?
-                } else {
-                    let extent = Sphere::new(self.geometry, light.point, light.range);
-                    copies(self.geometry, &self.domain, light.cell, &extent, &name)?
-                };
-                for copy in copies {
-                    let velocity = light.spot.map_or(DVec4::ZERO, |spot| spot.direction);
-                    let image = self.geometry.apply(&copy.isometry, Geodesic { point: light.point, velocity });
-                    per_cell[copy.cell].push(WorldLight {
-                        point: image.point,
-                        color: light.color,
-                        range: light.range,
-                        closest: closeness_at(self.geometry, light.range),
-                        spot: light.spot.map(|spot| (image.velocity, spot.cos_angle)),
-                        shadows: light.shadows,
-                    });
-                }
-            }
-        }
-        let mut next = 0;
-        let ranges = per_cell
-            .iter()
-            .map(|lights| {
-                next += lights.len();
-                next - lights.len()..next
-            })
-            .collect();
-        Ok((per_cell.concat(), ranges))
-    }
 }
 
 /// How far arcs may bulge: a device's boxes are as much larger than their triangles. So it is half of the size that most
@@ -386,12 +345,4 @@ fn sagitta<'a>(triangles: impl Iterator<Item = &'a [DVec3; 3]>) -> f64 {
     let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
     // As f32, so that all backends have the same number.
     f64::from((0.5 * *median).max(LEAST) as f32)
-}
-
-/// The closeness of points at a distance; less than that of any two points where none are so far apart.
-fn closeness_at<G: Geometry>(geometry: G, distance: f64) -> f64 {
-    let base = geometry.base();
-    let point = geometry.flow(Geodesic { point: base, velocity: geometry.frame(base)[0] }, distance).point;
-    let reached = geometry.distance(base, point) > distance * (1.0 - 1e-9);
-    if reached { geometry.closeness(base, point) } else { f64::NEG_INFINITY }
 }

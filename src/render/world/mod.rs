@@ -9,6 +9,7 @@ mod build;
 mod embed;
 mod faces;
 pub mod hierarchy;
+pub mod lights;
 pub mod meshes;
 mod place;
 mod shapes;
@@ -22,6 +23,7 @@ use crate::{
 };
 use glam::DVec4;
 use hierarchy::Hierarchy;
+use lights::Lights;
 use meshes::{Meshes, RestMesh};
 pub use place::Copy;
 use std::sync::{Arc, OnceLock};
@@ -37,8 +39,6 @@ pub struct World {
     pub settings: Settings,
     /// Faces and their pairings.
     pub domain: Arc<Domain>,
-    /// The cells, parallel to [`Domain::cells`].
-    pub cells: Vec<WorldCell>,
     /// Meshes that rest.
     pub still: Arc<Meshes>,
     /// Meshes that move; none in a world for a single picture.
@@ -49,8 +49,8 @@ pub struct World {
     pub materials: Arc<Vec<Material>>,
     /// Textures; empty if the plan has none.
     pub textures: Arc<Vec<Texture>>,
-    /// Light images of all cells; cells hold ranges.
-    pub lights: Arc<Vec<WorldLight>>,
+    /// Light images of all cells.
+    pub lights: Arc<Lights>,
     /// Largest way from the chord of a segment to its arc, in units of the chart ([`crate::space::walk::Follow`]).
     pub sagitta: f64,
     /// [`World::meshes`] where something moves.
@@ -116,13 +116,6 @@ impl World {
     }
 }
 
-/// What is in a cell.
-#[derive(Clone, Debug)]
-pub struct WorldCell {
-    /// Into [`World::lights`].
-    pub lights: std::ops::Range<usize>,
-}
-
 /// A quadric between two planes.
 #[derive(Clone, Copy, Debug)]
 pub struct WorldQuadric {
@@ -138,23 +131,6 @@ pub struct WorldQuadric {
     pub material: u32,
     /// Index of the scene's object.
     pub object: u32,
-}
-
-/// An image of a light.
-#[derive(Clone, Copy, Debug)]
-pub struct WorldLight {
-    /// Position, possibly outside of the cell.
-    pub point: DVec4,
-    /// Linear colour times intensity.
-    pub color: [f32; 3],
-    /// Fades to nothing here.
-    pub range: f64,
-    /// [`crate::geometry::Geometry::closeness`] of points at that distance.
-    pub closest: f64,
-    /// Spot: axis at `point` and cosine of half the opening angle.
-    pub spot: Option<(DVec4, f64)>,
-    /// Throws shadows.
-    pub shadows: bool,
 }
 
 /// Why a scene could not be prepared.

@@ -3,6 +3,7 @@
 use super::{WorldError, meshes::RestMesh};
 use crate::{
     geometry::{Geodesic, Geometry, Isometry, exponential},
+    render::bvh::Aabb,
     space::{deck::Elements, domain::Domain},
 };
 use glam::DVec4;
@@ -194,6 +195,16 @@ impl Sphere {
             exponential(geometry, centre, (axes[0] * (cos * across) + axes[1] * (sin * across) + axes[2] * z) * radius)
         };
         Self { points: (0..COUNT).map(point).collect() }
+    }
+
+    /// The box of a copy in its cell's chart; all of the chart where the ball leaves the numbers.
+    pub fn bounds<G: Geometry>(&self, geometry: G, copy: &Copy) -> Aabb {
+        let place = |p: &DVec4| geometry.chart(geometry.apply(&copy.isometry, at(*p)).point);
+        let Aabb { lower, upper } = Aabb::around(self.points.iter().map(place));
+        let slack = SPHERE_SLACK * (upper - lower);
+        // A place that is no number is in no box.
+        let finite = self.points.iter().all(|p| place(p).is_finite());
+        if finite { Aabb { lower: lower - slack, upper: upper + slack } } else { Aabb::EVERYTHING }
     }
 
     /// Range of the plane's form over the ball; unbounded where the ball leaves the numbers.

@@ -323,9 +323,9 @@ fn bulge(neighbours: impl Iterator<Item = [DVec3; 3]>) -> DVec3 {
 }
 
 /// The box of an ellipsoid in the chart: its tangent planes are the zeros of the inverse matrix.
-fn ball_box(ball: &Quadric) -> Aabb {
+pub(super) fn ball_box(ball: &Quadric) -> Aabb {
     let dual = ball.dual();
-    let mut bounds = Aabb { lower: DVec3::NEG_INFINITY, upper: DVec3::INFINITY };
+    let mut bounds = Aabb::EVERYTHING;
     for axis in 0..3 {
         // Planes x_axis = s: dual_aa − 2 s dual_aw + s² dual_ww = 0.
         let (aa, aw, ww) = (dual.col(axis)[axis], dual.col(3)[axis], dual.col(3)[3]);

@@ -18,7 +18,7 @@ use std::sync::Arc;
 const SCRATCH_BYTES: u64 = 32 << 20;
 
 /// Bytes of three corners, tightly packed.
-const TRIANGLE_BYTES: u64 = 36;
+const TRIANGLE_BYTES: u64 = 48;
 
 /// Bytes of the lower and the upper corner of a box.
 const BOX_BYTES: u64 = size_of::<vk::AabbPositionsKHR>() as u64;
