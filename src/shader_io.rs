@@ -421,6 +421,8 @@ numbers! {
     WRAP_CLAMP: uint = 1;
     /// Texture wrap mode.
     WRAP_MIRROR: uint = 2;
+    /// Most faces of an only cell whose tests are unrolled: dodecahedra have 12, and code grows with each.
+    UNROLLED_FACES: uint = 16;
     /// Depth of the traversal stack. The builder keeps trees below it.
     STACK_SIZE: uint = 96;
     /// Passages that reduction may take after a crossing before it gives up; a state that needs more has left
@@ -663,19 +665,27 @@ specialization! {
 
 /// Declares buffer bindings of descriptor set 0 for both sides.
 macro_rules! bindings {
-    ($($(#[doc = $doc:literal])* $number:literal $name:ident: $access:ident $type:ident;)*) => {
-        /// Binding numbers of descriptor set 0; all are storage buffers.
+    (
+        $($(#[doc = $doc:literal])* $number:literal $name:ident: $access:ident $type:ident;)*
+        uniform { $(#[doc = $uniform_doc:literal])* $uniform:literal $uniform_name:ident: $uniform_type:ident[$length:ident]; }
+    ) => {
+        /// Binding numbers of descriptor set 0: storage buffers, and behind them one uniform buffer.
         pub mod binding {
             $($(#[doc = $doc])* #[allow(non_upper_case_globals)] pub const $name: u32 = $number;)*
+            $(#[doc = $uniform_doc])* #[allow(non_upper_case_globals)] pub const $uniform_name: u32 = $uniform;
         }
 
+        /// Number of storage buffers: bindings from 0 on.
+        pub const STORAGE_BUFFERS: u32 = [$($number),*].len() as u32;
         /// Number of bindings.
-        pub const BINDINGS: usize = [$($number),*].len();
+        pub const BINDINGS: u32 = STORAGE_BUFFERS + 1;
 
         /// GLSL declarations of all bindings.
         pub const BINDINGS_GLSL: &str = concat!(
             $("layout(set = 0, binding = ", stringify!($number), ", scalar) ", stringify!($access), " buffer Io_",
               stringify!($name), " { ", stringify!($type), " io_", stringify!($name), "[]; };\n",)*
+            "layout(set = 0, binding = ", stringify!($uniform), ", scalar) uniform Io_", stringify!($uniform_name), " { ",
+            stringify!($uniform_type), " io_", stringify!($uniform_name), "[IO_", stringify!($length), "]; };\n",
         );
     };
 }
@@ -707,8 +717,6 @@ bindings! {
     10 texels: readonly uvec2;
     /// Light images.
     11 light_images: readonly Light;
-    /// For each box of each cell's grid of lights the place in here of its list; the lists of light images.
-    31 light_lists: readonly uint;
     /// Deck element behind each face: element × faces table.
     12 label_table: readonly uint;
     /// Linear colour or raw value per pixel, summed over samples.
@@ -745,6 +753,14 @@ bindings! {
     29 packed: writeonly uint;
     /// Depths of the eyes.
     30 depths: writeonly float;
+    /// For each box of each cell's grid of lights the place in here of its list; the lists of light images.
+    31 light_lists: readonly uint;
+
+    uniform {
+        /// Planes of the faces of the only cell, if they are [`UNROLLED_FACES`](super::UNROLLED_FACES) at most: hardware
+        /// computes with uniform numbers where they are.
+        32 planes: vec4[UNROLLED_FACES];
+    }
 }
 
 /// Text of `shared/io.glsl`.

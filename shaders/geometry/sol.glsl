@@ -150,7 +150,7 @@ vec3 sol_differential(vec3 v, float t, out mat3 differential) {
         vec3 here = sol_velocity(track);
         SolSeries series = sol_series(here);
         float rise = sol_exp(track.point.z);
-        for (int i = 0; i < 3; i++) {
+        [[unroll]] for (int i = 0; i < 3; i++) {
             vec2 momenta = vec2(i == 0 ? rise : 0.0, i == 1 ? 1.0 / rise : 0.0);
             vec4 next = sol_vary(series, here, vec4(momenta, varied[i].zw), h);
             varied[i] = vec4(varied[i].x + rise * next.x, varied[i].y + next.y / rise, next.zw);
@@ -159,7 +159,7 @@ vec3 sol_differential(vec3 v, float t, out mat3 differential) {
         track.point = sol_product(track.point, end.xyz);
         track.w += end.w;
     }
-    for (int i = 0; i < 3; i++) differential[i] = vec3(sol_stretch(-track.point.z, varied[i].xy), varied[i].z) / t;
+    [[unroll]] for (int i = 0; i < 3; i++) differential[i] = vec3(sol_stretch(-track.point.z, varied[i].xy), varied[i].z) / t;
     return track.point;
 }
 

@@ -177,19 +177,47 @@ struct Faces {
     uint violated;
 };
 
-// Exits beyond faces.u do not matter, and most faces are far from an arc.
-void walk_test_face(Geodesic g, uint face, Segment segment, float margin, inout Faces faces) {
-    vec4 plane = io_faces[face].plane;
+// Notes how far the state is beyond a face. Whether the segment comes near it: most faces are far from an arc.
+bool walk_test_side(Geodesic g, uint face, vec4 plane, Segment segment, float margin, inout Faces faces) {
     float side = geo_side(g.point, plane);
     if (side > faces.worst) {
         faces.worst = side;
         faces.violated = face;
     }
-    if (!GEO_STRAIGHT && segment_highest(segment, plane) < -margin) return;
+    return GEO_STRAIGHT || segment_highest(segment, plane) >= -margin;
+}
+
+// Notes where the geodesic leaves by a face. Exits beyond faces.u do not matter.
+void walk_test_exit(Geodesic g, uint face, vec4 plane, inout Faces faces) {
     float u = geo_exit(g, plane, faces.u);
     if (u < faces.u) {
         faces.u = u;
         faces.exit = face;
+    }
+}
+
+void walk_test_face(Geodesic g, uint face, vec4 plane, Segment segment, float margin, inout Faces faces) {
+    if (walk_test_side(g, face, plane, segment, margin, faces)) walk_test_exit(g, face, plane, faces);
+}
+
+// Tests the faces of the only cell: a known number, in a known place.
+void walk_test_only_cell(Geodesic g, Segment segment, float margin, inout Faces faces) {
+#ifdef WALK_TOGETHER
+    if (!GEO_STRAIGHT && IO_TOGETHER > 0u) {
+        // Software takes all branches: it looks for exits, which is dear, only by the faces that one of a subgroup is near.
+        uint near = 0u;
+        [[unroll]] for (uint face = 0u; face < IO_FACES; face++) {
+            if (walk_test_side(g, face, io_planes[face], segment, margin, faces)) near |= 1u << face;
+        }
+        for (uint left = subgroupOr(near); left != 0u; left &= left - 1u) {
+            uint face = uint(findLSB(left));
+            if (((near >> face) & 1u) != 0u) walk_test_exit(g, face, io_faces[face].plane, faces);
+        }
+        return;
+    }
+#endif
+    [[unroll]] for (uint face = 0u; face < IO_FACES; face++) {
+        walk_test_face(g, face, io_planes[face], segment, margin, faces);
     }
 }
 
@@ -198,12 +226,13 @@ Faces walk_test_faces(Path path, Reach reach) {
     float margin = IO_FACE_MARGIN * walk_tolerance(path) + IO_ON_FACE;
     Faces faces = Faces(reach.u, reach.end, IO_ON_FACE, IO_END_LIMIT);
     if (IO_FACES > 0u) {
-        // One cell: a loop of known length with reads at known places.
-        [[unroll]] for (uint face = 0u; face < IO_FACES; face++) walk_test_face(g, face, reach.segment, margin, faces);
+        walk_test_only_cell(g, reach.segment, margin, faces);
     } else {
         uint first = io_cells[path.cell].first_face;
         uint end = first + io_cells[path.cell].face_count;
-        for (uint face = first; face < end; face++) walk_test_face(g, face, reach.segment, margin, faces);
+        for (uint face = first; face < end; face++) {
+            walk_test_face(g, face, io_faces[face].plane, reach.segment, margin, faces);
+        }
     }
     return faces;
 }

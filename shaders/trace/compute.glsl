@@ -189,11 +189,10 @@ uint traverse_alone(Segment segment, uint cell, bool any_hit) {
             count(IO_COUNT_NODES);
             Children children = node_children(node, current, slabs.down);
             bvec4 among = notEqual(children.bits & slabs_entered(slabs, node, s_end), uvec4(0u));
-            // Nodes, then primitives, from far to near: what comes next is on top.
-            [[unroll]] for (uint k = 0u; k < 8u; k++) {
-                uint child = children.references[3u - k % 4u];
-                bool fits = k < 4u ? reference_kind(child) < IO_REFERENCE_NOTHING : reference_kind(child) > IO_REFERENCE_NOTHING;
-                if (among[3u - k % 4u] && fits) stack[depth++] = child;
+            // From far to near: what comes next is on top.
+            [[unroll]] for (uint k = 0u; k < 4u; k++) {
+                uint child = children.references[3u - k];
+                if (among[3u - k] && reference_kind(child) != IO_REFERENCE_NOTHING) stack[depth++] = child;
             }
             current = stack[--depth];
         }

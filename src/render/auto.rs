@@ -15,8 +15,9 @@ pub struct Chosen {
     pub reason: String,
 }
 
-/// Takes the fastest backend that can carry out the plan: ray tracing on a GPU that has it, else compute on a GPU, else
-/// the CPU. Software Vulkan runs both device backends as well, but the README's table shows them to be slower than the
+/// Takes the fastest backend that can carry out the plan: ray tracing on a GPU that has it in hardware, else compute on a GPU,
+/// else the CPU. A driver that offers pipelines for ray tracing without ray queries traces by shaders of its own, which the
+/// README's figures of an NVIDIA H100 show to be slower than ours. Software Vulkan runs both device backends as well, but the README's table shows them to be slower than the
 /// CPU backend on the same cores; they are taken only where the user names the device.
 ///
 /// A GPU that turns out to be unusable is no reason to fail: the next backend is tried, and the reason says so.
@@ -55,7 +56,8 @@ pub fn choose_with(options: &ContextOptions, plan: &Plan) -> Result<Chosen, Vulk
             continue;
         }
         match open(&options) {
-            Ok(backend) => match backend.check(plan) {
+            Ok(None) => failures.push("rt is slower there, as the driver traces without hardware".to_owned()),
+            Ok(Some(backend)) => match backend.check(plan) {
                 Ok(()) => {
                     let mut reason = format!("backend {}: {}", backend.name(), backend.device());
                     if !failures.is_empty() {
@@ -73,10 +75,13 @@ pub fn choose_with(options: &ContextOptions, plan: &Plan) -> Result<Chosen, Vulk
     Ok(on_cpu(failures.join("; ")))
 }
 
-fn open(options: &ContextOptions) -> Result<Box<dyn Backend>, VulkanError> {
+/// The backend of a tier; none for ray tracing that is not in hardware.
+fn open(options: &ContextOptions) -> Result<Option<Box<dyn Backend>>, VulkanError> {
     let context = Context::new(options)?;
+    let hardware = context.info().rt().queries || context.info().kind == DeviceKind::Cpu;
     Ok(match options.tier {
-        Tier::Rt => Box::new(RtBackend::new(&context)?),
-        Tier::Compute => Box::new(ComputeBackend::new(&context)?),
+        Tier::Rt if !hardware => None,
+        Tier::Rt => Some(Box::new(RtBackend::new(&context)?)),
+        Tier::Compute => Some(Box::new(ComputeBackend::new(&context)?)),
     })
 }

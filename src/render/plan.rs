@@ -8,11 +8,8 @@
 use crate::{
     integrate::Method,
     scene::{Scene, Shading, Shape},
-    shader_io::Specialization,
+    shader_io::{Specialization, UNROLLED_FACES},
 };
-
-/// Most faces of a cell whose tests are unrolled; dodecahedra have 12, and code grows with each.
-const MAX_UNROLLED_FACES: usize = 16;
 
 /// A part of the renderer that a scene may do without.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -289,7 +286,7 @@ fn used_materials(scene: &Scene) -> impl Iterator<Item = usize> {
 /// The number of faces for which face tests are unrolled, from those of all cells: 0 for a loop.
 pub fn unrolled_faces(mut cells: impl Iterator<Item = usize>) -> u32 {
     match (cells.next(), cells.next()) {
-        (Some(faces), None) if faces <= MAX_UNROLLED_FACES => faces as u32,
+        (Some(faces), None) if faces <= UNROLLED_FACES as usize => faces as u32,
         _ => 0,
     }
 }

@@ -6,7 +6,7 @@ use super::{
     command::SUBMIT_TIME_OUT,
     fault::FaultInjection,
     instance::{Creator, Instance, Loader, Messages},
-    tier::{CLOCK_EXTENSION, Features, REORDER_EXTENSION, RT_EXTENSIONS},
+    tier::{CLOCK_EXTENSION, Features, REORDER_EXTENSION, ROBUSTNESS_EXTENSION, RT_EXTENSIONS},
     tracing::Functions,
 };
 use ash::{prelude::VkResult, vk};
@@ -106,6 +106,9 @@ impl Context {
         if info.has_clock() {
             extensions.push(CLOCK_EXTENSION);
         }
+        if info.can_leave_unchecked() {
+            extensions.push(ROBUSTNESS_EXTENSION);
+        }
         let names: Vec<_> = extensions.iter().map(|e| e.as_ptr()).collect();
         let priorities = [1.0];
         let queues =
@@ -125,6 +128,9 @@ impl Context {
         }
         if info.has_clock() {
             create = create.push_next(&mut features.clock);
+        }
+        if info.can_leave_unchecked() {
+            create = create.push_next(&mut features.robustness);
         }
         let raw = creator.device(instance.raw(), physical, &create, &faults)?;
         // SAFETY: `raw` is a live device of this instance that belongs to us (contract of `Creator`).

@@ -1,7 +1,7 @@
-//! Layouts, and descriptor sets of storage buffers.
+//! Layouts, and descriptor sets of buffers.
 
 use super::{Context, VulkanError, memory::Buffer, memory::check_range};
-use crate::shader_io::BINDINGS;
+use crate::shader_io::{BINDINGS, STORAGE_BUFFERS};
 use ash::vk;
 use std::sync::Arc;
 
@@ -42,11 +42,11 @@ impl Layout {
             stages,
             push_bytes,
         };
-        let bindings: Vec<_> = (0..BINDINGS as u32)
+        let bindings: Vec<_> = (0..BINDINGS)
             .map(|binding| {
                 vk::DescriptorSetLayoutBinding::default()
                     .binding(binding)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .descriptor_type(kind(binding))
                     .descriptor_count(1)
                     .stage_flags(stages)
             })
@@ -96,6 +96,11 @@ impl Drop for Layout {
             self.context.raw().destroy_descriptor_set_layout(self.set, None);
         }
     }
+}
+
+/// What the buffer of a binding number is for shaders.
+fn kind(binding: u32) -> vk::DescriptorType {
+    if binding < STORAGE_BUFFERS { vk::DescriptorType::STORAGE_BUFFER } else { vk::DescriptorType::UNIFORM_BUFFER }
 }
 
 /// What is bound to one binding number.
@@ -150,8 +155,8 @@ impl BufferSet {
                 });
             }
         }
-        let sizes =
-            [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: BINDINGS as u32 }];
+        let sizes = [(vk::DescriptorType::STORAGE_BUFFER, STORAGE_BUFFERS), (vk::DescriptorType::UNIFORM_BUFFER, 1)]
+            .map(|(ty, descriptor_count)| vk::DescriptorPoolSize { ty, descriptor_count });
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         // SAFETY: the context is alive and the structure complete.
         let pool =
@@ -180,7 +185,7 @@ impl BufferSet {
                 vk::WriteDescriptorSet::default()
                     .dst_set(set.handle)
                     .dst_binding(b.binding)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .descriptor_type(kind(b.binding))
                     .buffer_info(range)
             })
             .collect();

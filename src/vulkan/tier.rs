@@ -84,6 +84,8 @@ pub(super) struct Found {
     pub portability: bool,
     /// Shaders can read a clock (`VK_KHR_shader_clock`).
     pub clock: bool,
+    /// Pipelines can say that their accesses need no check (`VK_EXT_pipeline_robustness`).
+    pub unchecked: bool,
     /// Invocations of a subgroup.
     pub subgroup_size: u32,
     /// Limits of ray tracing, where the device has it.
@@ -120,6 +122,9 @@ pub struct RtLimits {
     /// Whether invocations can be reordered between traversal and shading
     /// (`VK_NV_ray_tracing_invocation_reorder`).
     pub reorder: bool,
+    /// Whether all shaders can trace (`VK_KHR_ray_query`): what hardware for tracing brings along, and drivers that trace
+    /// by shaders of their own leave out.
+    pub queries: bool,
 }
 
 /// What compute shaders do with the invocations of a subgroup.
@@ -145,6 +150,11 @@ impl DeviceInfo {
     /// Invocations of a subgroup.
     pub fn subgroup_size(&self) -> u32 {
         self.found.subgroup_size
+    }
+
+    /// Whether pipelines can say that their accesses to buffers need no check (`VK_EXT_pipeline_robustness`).
+    pub(super) fn can_leave_unchecked(&self) -> bool {
+        self.found.unchecked
     }
 
     /// Whether shaders can tell how long they take (`VK_KHR_shader_clock`).
@@ -189,6 +199,9 @@ pub(super) const RT_EXTENSIONS: &[&CStr] = &[
 /// Device extension of [`RtLimits::reorder`], enabled where it exists.
 pub(super) const REORDER_EXTENSION: &CStr = ash::nv::ray_tracing_invocation_reorder::NAME;
 
+/// Device extension of [`DeviceInfo::can_leave_unchecked`], enabled where it exists.
+pub(super) const ROBUSTNESS_EXTENSION: &CStr = ash::ext::pipeline_robustness::NAME;
+
 /// Device extension of [`DeviceInfo::has_clock`], enabled where it exists.
 pub(super) const CLOCK_EXTENSION: &CStr = ash::khr::shader_clock::NAME;
 
@@ -203,6 +216,7 @@ pub(super) struct Features {
     pub pipeline: vk::PhysicalDeviceRayTracingPipelineFeaturesKHR<'static>,
     pub reorder: vk::PhysicalDeviceRayTracingInvocationReorderFeaturesNV<'static>,
     pub clock: vk::PhysicalDeviceShaderClockFeaturesKHR<'static>,
+    pub robustness: vk::PhysicalDevicePipelineRobustnessFeaturesEXT<'static>,
 }
 
 impl Features {
@@ -217,6 +231,7 @@ impl Features {
             reorder: vk::PhysicalDeviceRayTracingInvocationReorderFeaturesNV::default()
                 .ray_tracing_invocation_reorder(rt),
             clock: vk::PhysicalDeviceShaderClockFeaturesKHR::default().shader_subgroup_clock(true),
+            robustness: vk::PhysicalDevicePipelineRobustnessFeaturesEXT::default().pipeline_robustness(true),
         }
     }
 }
@@ -243,6 +258,7 @@ pub(super) fn describe(
     let has = |wanted: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(wanted));
     let rt_extensions = RT_EXTENSIONS.iter().all(|e| has(e));
     let clock_extension = has(CLOCK_EXTENSION);
+    let robustness_extension = has(ROBUSTNESS_EXTENSION);
     let reorder_extension = rt_extensions && has(REORDER_EXTENSION);
 
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
@@ -270,6 +286,9 @@ pub(super) fn describe(
         if clock_extension {
             chain = chain.push_next(&mut features.clock);
         }
+        if robustness_extension {
+            chain = chain.push_next(&mut features.robustness);
+        }
         // SAFETY: as above.
         unsafe { instance.get_physical_device_features2(physical, &mut chain) };
     }
@@ -290,7 +309,7 @@ pub(super) fn describe(
             lacks_compute.push(what.to_owned());
         }
     };
-    let buffers = shader_io::BINDINGS as u32;
+    let buffers = shader_io::STORAGE_BUFFERS;
     let group = shader_io::GROUP_WIDTH * shader_io::GROUP_HEIGHT;
     require(modern, "Vulkan 1.2");
     require(!modern || features.scalar.scalar_block_layout == vk::TRUE, "scalarBlockLayout");
@@ -349,6 +368,7 @@ pub(super) fn describe(
             timestamp_bits: family.map_or(0, |f| families[f].timestamp_valid_bits),
             timestamp_period: limits.timestamp_period,
             clock: clock_extension && features.clock.shader_subgroup_clock == vk::TRUE,
+            unchecked: robustness_extension && features.robustness.pipeline_robustness == vk::TRUE,
             subgroup_size: subgroup.subgroup_size,
             portability: has(ash::khr::portability_subset::NAME),
             rt: RtLimits {
@@ -361,6 +381,7 @@ pub(super) fn describe(
                 max_primitives: rt_structure.max_primitive_count,
                 max_instances: rt_structure.max_instance_count,
                 reorder: reorder_extension && features.reorder.ray_tracing_invocation_reorder == vk::TRUE,
+                queries: has(ash::khr::ray_query::NAME),
             },
             cache_uuid: basic.pipeline_cache_uuid,
             vendor_id: basic.vendor_id,

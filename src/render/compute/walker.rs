@@ -71,6 +71,7 @@ impl Walker {
             bound(binding::view, "view of walks", bytemuck::bytes_of(&view))?,
             bound(binding::faces, "faces of walks", cast_slice(&faces))?,
             bound(binding::cells, "cells of walks", cast_slice(&cells))?,
+            bound(binding::planes, "planes of walks", cast_slice(&pack::planes(&domain.faces)))?,
         ];
         if !domain.labels.is_empty() {
             space.push(bound(binding::label_table, "labels of walks", cast_slice(&domain.labels))?);

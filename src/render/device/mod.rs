@@ -340,7 +340,7 @@ impl<T: Tracer> DeviceBackend<T> {
 
 /// Binds what is not there, for the bindings that a shader's text names and its constants leave unused.
 fn fill_up(bound: &mut Vec<Bound>, null: &Arc<Buffer>) {
-    for unused in 0..BINDINGS as u32 {
+    for unused in 0..BINDINGS {
         if bound.iter().all(|b| b.binding != unused) {
             // `.length()` of what is not there is at most 1.
             bound.push(Bound { binding: unused, buffer: null.clone(), bytes: 4 });

@@ -22,6 +22,7 @@ const SHINES_EVERYWHERE: f32 = -2.0;
 #[derive(Debug, Default)]
 pub struct Common {
     faces: Vec<io::Face>,
+    planes: [io::types::vec4; io::UNROLLED_FACES as usize],
     materials: Vec<io::Material>,
     textures: Vec<io::Texture>,
     texels: Vec<[u32; 2]>,
@@ -42,6 +43,7 @@ impl Common {
         let uses = |feature| world.plan.uses(feature);
         let mut common = Self {
             faces: world.domain.faces.iter().map(face).collect(),
+            planes: planes(&world.domain.faces),
             materials: world.materials.iter().map(material).collect(),
             ..Self::default()
         };
@@ -82,9 +84,10 @@ impl Common {
     }
 
     /// The arrays.
-    pub fn arrays(&self) -> [Array<'_>; 7] {
+    pub fn arrays(&self) -> [Array<'_>; 8] {
         [
             (binding::faces, "faces", cast_slice(&self.faces)),
+            (binding::planes, "planes", cast_slice(&self.planes)),
             (binding::materials, "materials", cast_slice(&self.materials)),
             (binding::texture_table, "textures", cast_slice(&self.textures)),
             (binding::texels, "texels", cast_slice(&self.texels)),
@@ -147,6 +150,11 @@ pub fn quadric_shading(quadric: &WorldQuadric) -> io::QuadricShading {
 /// A face with its pairing.
 pub fn face(face: &DomainFace) -> io::Face {
     io::Face { plane: vec4(face.plane), cell: face.cell as u32, ..pairing(&face.folded) }
+}
+
+/// Planes of the faces of an only cell; zeros and some of the planes where there are more faces.
+pub fn planes(faces: &[DomainFace]) -> [io::types::vec4; io::UNROLLED_FACES as usize] {
+    std::array::from_fn(|i| faces.get(i).map_or([0.0; 4], |face| vec4(face.plane)))
 }
 
 /// A face that is nothing but a pairing.

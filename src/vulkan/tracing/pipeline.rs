@@ -8,7 +8,7 @@ use crate::{
         descriptor::{BufferSet, Layout},
         memory::check_range,
         record::Recorder,
-        shader::{Module, Specialized},
+        shader::{Module, Specialized, unchecked},
     },
 };
 use ash::vk;
@@ -142,11 +142,16 @@ impl TracePipeline {
             .zip(&modules)
             .map(|((stage, _), module)| module.stage(*stage, &specialization))
             .collect();
-        let info = [vk::RayTracingPipelineCreateInfoKHR::default()
+        let mut unchecked = unchecked();
+        let mut info = vk::RayTracingPipelineCreateInfoKHR::default()
             .stages(&infos)
             .groups(&groups)
             .max_pipeline_ray_recursion_depth(shaders.recursion_depth)
-            .layout(layout.raw())];
+            .layout(layout.raw());
+        if context.info().can_leave_unchecked() {
+            info = info.push_next(&mut unchecked);
+        }
+        let info = [info];
         let functions = &context.tracing()?.pipeline;
         let made = context.call("vkCreateRayTracingPipelinesKHR", &name, |_| {
             let none = vk::DeferredOperationKHR::null();
