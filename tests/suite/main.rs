@@ -17,6 +17,7 @@
 //! - `hits`: hits on curved geodesics, and balls and tubes as triangles, in geometries made for the purpose.
 //! - `integrate`: the order of each integrator, its passages through faces, its ends, its pictures.
 //! - `laws`: what every geometry must satisfy.
+//! - `lights`: each place lists all images of lights that shine there.
 //! - `measure`: the reference arithmetic, FLIP, tables and plots, and the report of `accuracy`.
 //! - `observer`: walks through the faces, what closed loops pick up, camera paths.
 //! - `plan`: what scenes leave out; no device.
@@ -49,6 +50,7 @@ mod heatmap;
 mod hits;
 mod integrate;
 mod laws;
+mod lights;
 mod measure;
 #[cfg(unix)]
 mod monado;

@@ -121,7 +121,11 @@ pub fn cells(world: &World, trees: &[Option<Tree>]) -> Vec<io::Cell> {
 
 /// Corners of triangles.
 pub fn triangles(meshes: &Meshes) -> Vec<io::Triangle> {
-    meshes.triangles.iter().map(|[a, b, c]| io::Triangle { a: vec3(*a), b: vec3(*b), c: vec3(*c), ..io::Triangle::default() }).collect()
+    meshes
+        .triangles
+        .iter()
+        .map(|[a, b, c]| io::Triangle { a: vec3(*a), b: vec3(*b), c: vec3(*c), ..io::Triangle::default() })
+        .collect()
 }
 
 /// The surface of a quadric.

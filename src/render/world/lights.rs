@@ -113,7 +113,9 @@ impl Lights {
         let bounds = reaches.iter().fold(Aabb::EMPTY, |bounds, reach| bounds.union(*reach));
         let bounds = within.map_or(bounds, |within| bounds.intersection(within));
         let mut grid = LightGrid::new(bounds, (2.0 * (reaches.len() as f64).cbrt()) as u32, self.lists.len() as u32);
-        while grid.boxes > 1 && reaches.iter().map(|r| grid.boxes_of(*r).count()).sum::<usize>() > MOST_ENTRIES * reaches.len() {
+        while grid.boxes > 1
+            && reaches.iter().map(|r| grid.boxes_of(*r).count()).sum::<usize>() > MOST_ENTRIES * reaches.len()
+        {
             grid = LightGrid::new(bounds, grid.boxes / 2, grid.first);
         }
         let mut lists = vec![Vec::new(); (grid.boxes * grid.boxes * grid.boxes) as usize];
