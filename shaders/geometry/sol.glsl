@@ -261,7 +261,9 @@ float geo_exit(Geodesic g, vec4 plane, float reach) {
     if (on_face && dot(n, g.velocity.xyz) > IO_ALONG_FACE) return 0.0;
     float start = on_face ? -IO_ON_FACE + min(value, 0.0) : value;
     SolTrack track = SolTrack(g.velocity.xyz, vec3(0.0), g.velocity.z);
-    for (float travelled = 0.0; travelled < min(reach, SOL_HORIZON); travelled += SOL_STEP) {
+    float limit = min(reach, SOL_HORIZON);
+    for (float travelled = 0.0; travelled < limit; travelled += SOL_STEP) {
+        float last = min(limit - travelled, SOL_STEP);
         vec3 v = sol_velocity(track);
         SolSeries series = sol_series(v);
         // In coordinates about the step's start |x''| = 2|uw| e^z with |uw| <= 1/2, and |z''| <= 1.
@@ -271,7 +273,7 @@ float geo_exit(Geodesic g, vec4 plane, float reach) {
         [[unroll]] for (int k = 0; k < SOL_TERMS; k++) terms[k] = dot(n, vec3(v.x * series.p[k], v.y * series.q[k], series.w[k]));
         float s = 0.0;
         float before = -1.0;
-        for (int i = 0; i < 256 && s <= SOL_STEP; i++) {
+        for (int i = 0; i < 256 && s <= last; i++) {
             float f = 0.0;
             float rate = 0.0;
             [[unroll]] for (int k = SOL_TERMS - 1; k >= 0; k--) {

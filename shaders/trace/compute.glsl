@@ -171,9 +171,9 @@ uint traverse_together(Segment segment, uint cell, bool any_hit) {
     return found;
 }
 
-// The same for an invocation by itself. It walks nodes until a primitive is on top of its stack, so that those of a subgroup,
-// which hardware runs in lockstep, test primitives at the same time although they are at different nodes (Aila and Laine:
-// Understanding the efficiency of ray traversal on GPUs, 2009).
+// The same for an invocation by itself. It walks nodes until one has primitives to test, so that those of a subgroup, which
+// hardware runs in lockstep, test primitives at the same time although they are at different nodes (Aila and Laine:
+// Understanding the efficiency of ray traversal on GPUs, 2009). Only nodes are put on the stack.
 uint traverse_alone(Segment segment, uint cell, bool any_hit) {
     uint found = IO_NONE;
     uint current = io_cells[cell].root;
@@ -184,26 +184,33 @@ uint traverse_alone(Segment segment, uint cell, bool any_hit) {
     stack[0] = IO_NONE;
     uint depth = 1u;
     while (current != IO_NONE) {
-        while (reference_kind(current) < IO_REFERENCE_NOTHING) {
+        Children children;
+        uint primitives = 0u; // a bit for each of the children
+        while (current != IO_NONE && primitives == 0u) {
             Node node = io_nodes[reference_index(current)];
             count(IO_COUNT_NODES);
-            Children children = node_children(node, current, slabs.down);
+            children = node_children(node, current, slabs.down);
             bvec4 among = notEqual(children.bits & slabs_entered(slabs, node, s_end), uvec4(0u));
             // From far to near: what comes next is on top.
             [[unroll]] for (uint k = 0u; k < 4u; k++) {
-                uint child = children.references[3u - k];
-                if (among[3u - k] && reference_kind(child) != IO_REFERENCE_NOTHING) stack[depth++] = child;
+                uint i = 3u - k;
+                uint kind = reference_kind(children.references[i]);
+                if (among[i] && kind < IO_REFERENCE_NOTHING) stack[depth++] = children.references[i];
+                if (among[i] && kind > IO_REFERENCE_NOTHING) primitives |= 1u << i;
             }
             current = stack[--depth];
         }
-        if (current != IO_NONE) {
-            float s = primitive_hit(segment, current, s_end);
+        for (; primitives != 0u; primitives &= primitives - 1u) {
+            uint child = children.references[findLSB(primitives)];
+            float s = primitive_hit(segment, child, s_end);
             if (s < s_end) {
                 s_end = s;
-                found = current;
-                if (any_hit) break;
+                found = child;
+                if (any_hit) {
+                    current = IO_NONE;
+                    break;
+                }
             }
-            current = stack[--depth];
         }
     }
     return found;

@@ -163,7 +163,8 @@ impl Geometry for Sol {
         let Some(threshold) = before_passage(self.side(g.point, plane), rate) else { return 0.0 };
         let mut track = Track::new(Real3::from_f64(spatial(g.velocity)));
         let mut travelled = 0.0;
-        while travelled < reach.min(HORIZON) {
+        let limit = reach.min(HORIZON);
+        while travelled < limit {
             let here = product(Real3::from_f64(spatial(g.point)), track.point()).to_f64();
             let [a, b] = stretch(here.z, plane.x, plane.y);
             let start = plane.dot(here.extend(1.0)) - threshold;
@@ -175,7 +176,7 @@ impl Geometry for Sol {
                 let (end, rate) = series.chart(s);
                 [start + conormal.dot(end.to_f64()), conormal.dot(rate.to_f64())]
             };
-            if let Some(s) = first_zero(value, bend, series::STEP) {
+            if let Some(s) = first_zero(value, bend, series::STEP.min(limit - travelled)) {
                 return travelled + s;
             }
             track.step(&series, series::STEP);

@@ -78,9 +78,8 @@ pub fn choose_with(options: &ContextOptions, plan: &Plan) -> Result<Chosen, Vulk
 /// The backend of a tier; none for ray tracing that is not in hardware.
 fn open(options: &ContextOptions) -> Result<Option<Box<dyn Backend>>, VulkanError> {
     let context = Context::new(options)?;
-    let hardware = context.info().rt().queries || context.info().kind == DeviceKind::Cpu;
     Ok(match options.tier {
-        Tier::Rt if !hardware => None,
+        Tier::Rt if !context.info().rt().queries => None,
         Tier::Rt => Some(Box::new(RtBackend::new(&context)?)),
         Tier::Compute => Some(Box::new(ComputeBackend::new(&context)?)),
     })
