@@ -3,7 +3,6 @@
 // Points (x, y, z, 1) of the group, vectors in the left-invariant frame, arc length as parameter. Taylor series of
 // z'' = B^2 e^-2z - A^2 e^2z with constant momenta, of order 9 in steps of 1/4: the rest is below the rounding of f32, as each
 // order gains a factor of 2 pi. Short series are written out in full, so that their terms are registers and not memory.
-#extension GL_EXT_control_flow_attributes : require
 
 const bool GEO_STRAIGHT = false;
 

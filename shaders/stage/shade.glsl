@@ -51,7 +51,7 @@ Shading shade_start(Path path, Hit hit) {
 
 // Whether an image of a light shines on the surface, unless something hides it.
 bool shade_shines(uint image, Path path, vec4 normal) {
-    // Most images are out of range: they are told before anything is computed.
+    // Images of the same box that are out of range are told before anything is computed.
     if (geo_closeness(path.point, io_light_images[image].point) < io_light_images[image].closest) return false;
     Light light = io_light_images[image];
     float range;

@@ -17,8 +17,9 @@ pub struct Chosen {
 
 /// Takes the fastest backend that can carry out the plan: ray tracing on a GPU that has it in hardware, else compute on a GPU,
 /// else the CPU. A driver that offers pipelines for ray tracing without ray queries traces by shaders of its own, which the
-/// README's figures of an NVIDIA H100 show to be slower than ours. Software Vulkan runs both device backends as well, but the README's table shows them to be slower than the
-/// CPU backend on the same cores; they are taken only where the user names the device.
+/// README's figures of an NVIDIA H100 show to be slower than ours. Software Vulkan runs both device backends as well, but the
+/// README's table shows them to be slower than the CPU backend on the same cores; they are taken only where the user names the
+/// device.
 ///
 /// A GPU that turns out to be unusable is no reason to fail: the next backend is tried, and the reason says so.
 ///

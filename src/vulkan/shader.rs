@@ -83,15 +83,17 @@ impl<'a> Specialized<'a> {
     }
 }
 
-/// For pipelines: accesses to buffers lie inside of them. Some drivers check each one otherwise, though nothing asks them
-/// to (6 % of a frame on an NVIDIA H100, driver 580).
-pub(super) fn unchecked<'a>() -> vk::PipelineRobustnessCreateInfoEXT<'a> {
+/// For pipelines, where the device takes it: accesses to buffers lie inside of them. Some drivers check each one otherwise,
+/// though nothing asks them to (6 % of a frame on an NVIDIA H100, driver 580).
+pub(super) fn unchecked<'a>(context: &Context) -> Option<vk::PipelineRobustnessCreateInfoEXT<'a>> {
     let off = vk::PipelineRobustnessBufferBehaviorEXT::DISABLED;
-    vk::PipelineRobustnessCreateInfoEXT::default()
-        .storage_buffers(off)
-        .uniform_buffers(off)
-        .vertex_inputs(off)
-        .images(vk::PipelineRobustnessImageBehaviorEXT::DISABLED)
+    context.info().can_leave_unchecked().then(|| {
+        vk::PipelineRobustnessCreateInfoEXT::default()
+            .storage_buffers(off)
+            .uniform_buffers(off)
+            .vertex_inputs(off)
+            .images(vk::PipelineRobustnessImageBehaviorEXT::DISABLED)
+    })
 }
 
 /// What a compute pipeline is made of.
@@ -132,10 +134,10 @@ impl ComputePipeline {
         let specialized = Specialized::new(shader.constants);
         let specialization = specialized.info();
         let stage = module.stage(vk::ShaderStageFlags::COMPUTE, &specialization);
-        let mut unchecked = unchecked();
+        let mut unchecked = unchecked(context);
         let mut info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout.raw());
-        if context.info().can_leave_unchecked() {
-            info = info.push_next(&mut unchecked);
+        if let Some(unchecked) = &mut unchecked {
+            info = info.push_next(unchecked);
         }
         let info = [info];
         let made = context.call("vkCreateComputePipelines", &name, |d| {

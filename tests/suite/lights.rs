@@ -4,10 +4,14 @@ use crate::support::Random;
 use glam::{DVec3, DVec4};
 use holonomy::{
     geometry::{Geodesic, Geometry, Visitor, exponential, visit},
-    render::{plan::Plan, world::World},
+    render::{
+        plan::Plan,
+        world::{World, lights::WorldLight},
+    },
     scene::{PointLight, Scene, file},
     space::{catalogue, polyhedron::Polyhedron},
 };
+use std::collections::BTreeSet;
 
 /// Places of a cell's chart: its corners, points between them, or for a cell without end points about the observer.
 fn places<G: Geometry>(geometry: G, scene: &Scene, cell: usize, random: &mut Random) -> Vec<DVec3> {
@@ -43,13 +47,15 @@ impl Visitor for Check<'_> {
         let Self(scene, world) = self;
         let mut random = Random(5);
         let mut lengths = Vec::new();
+        let mut seen = 0;
         for cell in 0..scene.space.cells.len() {
+            let images = images_of(world, cell, &mut seen);
             for place in places(geometry, scene, cell, &mut random) {
                 let Some(point) = geometry.unchart(place) else { continue };
                 let listed: Vec<*const _> = world.lights.near(cell, place).map(std::ptr::from_ref).collect();
                 let own = &world.lights.grids[cell];
                 let mut reaching = 0;
-                for image in images_of(world, cell) {
+                for image in images {
                     if geometry.distance(point, image.point) < image.range {
                         reaching += 1;
                         assert!(
@@ -65,19 +71,22 @@ impl Visitor for Check<'_> {
                 lengths.push(listed.len());
             }
         }
+        assert_eq!(seen, world.lights.images.len(), "an image that no cell lists");
         lengths
     }
 }
 
-/// The images in a cell, found without its grid: those that any of its boxes lists.
-fn images_of(world: &World, cell: usize) -> impl Iterator<Item = &holonomy::render::world::lights::WorldLight> {
+/// The images in a cell: those that any of its boxes lists, which are the next ones of all.
+fn images_of<'a>(world: &'a World, cell: usize, seen: &mut usize) -> &'a [WorldLight] {
     let grid = world.lights.grids[cell];
     let boxes = (grid.boxes * grid.boxes * grid.boxes) as usize;
     let first = grid.first as usize;
     let [start, end] = [first, first + boxes].map(|at| world.lights.lists[at] as usize);
-    let listed: std::collections::BTreeSet<u32> = world.lights.lists[start..end].iter().copied().collect();
-    let (low, high) = (listed.first().copied().unwrap_or(0), listed.last().map_or(0, |last| last + 1));
-    world.lights.images[low as usize..high as usize].iter()
+    let listed: BTreeSet<u32> = world.lights.lists[start..end].iter().copied().collect();
+    let own = *seen..*seen + listed.len();
+    assert!(listed.into_iter().map(|image| image as usize).eq(own.clone()), "cell {cell} misses an image");
+    *seen = own.end;
+    &world.lights.images[own]
 }
 
 fn world_of(scene: &Scene) -> World {
@@ -125,7 +134,7 @@ fn lights_without_any_have_empty_lists() {
     assert_eq!(world.lights.near(0, DVec3::ZERO).count(), 0);
 }
 
-/// What a light is for the geometry: unused fields would let the tests above pass in vain.
+/// Without copies of the light the tests above would have nothing to find.
 #[test]
 fn lights_images_are_copies() {
     let scene = lit("torus", 1.1);

@@ -46,7 +46,7 @@ impl<G: Geometry> Tracer<'_, G> {
     fn shade_light(&self, light: &WorldLight, path: &Path, surface: &Surface, nv: f64, counts: &mut Counts) -> DVec3 {
         let geometry = self.geometry;
         let point = path.state.point;
-        // Most images are out of range: they are told before anything is computed.
+        // Images of the same box that are out of range are told before anything is computed.
         if geometry.closeness(point, light.point) < light.closest {
             return DVec3::ZERO;
         }

@@ -76,6 +76,7 @@ impl Lights {
     ) -> Result<Self, WorldError> {
         let mut per_cell: Vec<Vec<(WorldLight, Aabb)>> = polyhedra.iter().map(|_| Vec::new()).collect();
         for (number, light) in lights.iter().enumerate() {
+            let closest = closeness_at(geometry, light.range);
             for (copy, reach) in reaching(geometry, domain, light, &format!("light {number}"))? {
                 let velocity = light.spot.map_or(DVec4::ZERO, |spot| spot.direction);
                 let image = geometry.apply(&copy.isometry, Geodesic { point: light.point, velocity });
@@ -83,7 +84,7 @@ impl Lights {
                     point: image.point,
                     color: light.color,
                     range: light.range,
-                    closest: closeness_at(geometry, light.range),
+                    closest,
                     spot: light.spot.map(|spot| (image.velocity, spot.cos_angle)),
                     shadows: light.shadows,
                 };
@@ -147,7 +148,7 @@ impl LightGrid {
     }
 
     /// Column, row and layer of the box that a place is in.
-    fn cell_of(&self, place: DVec3) -> UVec3 {
+    fn at(&self, place: DVec3) -> UVec3 {
         ((place - self.lower) * self.scale).max(DVec3::ZERO).as_uvec3().min(UVec3::splat(self.boxes - 1))
     }
 
@@ -157,14 +158,14 @@ impl LightGrid {
 
     /// Index of the box that a place is in.
     fn box_at(&self, place: DVec3) -> u32 {
-        self.index(self.cell_of(place))
+        self.index(self.at(place))
     }
 
     /// Indices of the boxes that have something in common with another one.
     fn boxes_of(&self, reach: Aabb) -> impl Iterator<Item = u32> {
         let slack = |corner: DVec3| (corner.abs() + 1.0) * SLACK;
-        let first = self.cell_of(reach.lower - slack(reach.lower));
-        let last = self.cell_of(reach.upper + slack(reach.upper));
+        let first = self.at(reach.lower - slack(reach.lower));
+        let last = self.at(reach.upper + slack(reach.upper));
         let row = move |y, z| (first.x..=last.x).map(move |x| self.index(UVec3::new(x, y, z)));
         (first.z..=last.z).flat_map(move |z| (first.y..=last.y).flat_map(move |y| row(y, z)))
     }
@@ -182,16 +183,16 @@ fn reaching<G: Geometry>(
         let copies = copies(geometry, domain, light.cell, &extent, name)?;
         return Ok(copies.into_iter().map(|copy| (copy, extent.bounds(geometry, &copy))).collect());
     }
-    let (copies, whole) = if keeps_to_chart(geometry, light.range) {
-        let extent = Balls { centres: &[light.point], radius: light.range };
-        (copies(geometry, domain, light.cell, &extent, name)?, false)
-    } else {
-        (copies(geometry, domain, light.cell, &Everywhere, name)?, true)
-    };
+    if !keeps_to_chart(geometry, light.range) {
+        let copies = copies(geometry, domain, light.cell, &Everywhere, name)?;
+        return Ok(copies.into_iter().map(|copy| (copy, Aabb::EVERYTHING)).collect());
+    }
+    let extent = Balls { centres: &[light.point], radius: light.range };
     let reach = |copy: &Copy| {
         let image = geometry.apply(&copy.isometry, Geodesic { point: light.point, velocity: DVec4::ZERO }).point;
-        geometry.ball(image, light.range).filter(|_| !whole).map_or(Aabb::EVERYTHING, |ball| ball_box(&ball))
+        geometry.ball(image, light.range).map_or(Aabb::EVERYTHING, |ball| ball_box(&ball))
     };
+    let copies = copies(geometry, domain, light.cell, &extent, name)?;
     Ok(copies.into_iter().map(|copy| (copy, reach(&copy))).collect())
 }
 

@@ -6,7 +6,7 @@ use crate::{
     render::bvh::Aabb,
     space::{deck::Elements, domain::Domain},
 };
-use glam::DVec4;
+use glam::{DVec3, DVec4};
 use std::collections::VecDeque;
 
 /// Copies of one object, or images of one light, that may be made. A scene that needs more is a mistake in size.
@@ -200,11 +200,13 @@ impl Sphere {
     /// The box of a copy in its cell's chart; all of the chart where the ball leaves the numbers.
     pub fn bounds<G: Geometry>(&self, geometry: G, copy: &Copy) -> Aabb {
         let place = |p: &DVec4| geometry.chart(geometry.apply(&copy.isometry, at(*p)).point);
-        let Aabb { lower, upper } = Aabb::around(self.points.iter().map(place));
+        let places: Vec<DVec3> = self.points.iter().map(place).collect();
+        if !places.iter().all(|place| place.is_finite()) {
+            return Aabb::EVERYTHING;
+        }
+        let Aabb { lower, upper } = Aabb::around(places);
         let slack = SPHERE_SLACK * (upper - lower);
-        // A place that is no number is in no box.
-        let finite = self.points.iter().all(|p| place(p).is_finite());
-        if finite { Aabb { lower: lower - slack, upper: upper + slack } } else { Aabb::EVERYTHING }
+        Aabb { lower: lower - slack, upper: upper + slack }
     }
 
     /// Range of the plane's form over the ball; unbounded where the ball leaves the numbers.

@@ -5,11 +5,14 @@
 //! build.
 
 use super::structure::{Structure, build_sizes, scratch};
-use crate::vulkan::{
-    Context, VulkanError,
-    command::Submitter,
-    memory::Buffer,
-    record::{Access, Recorder},
+use crate::{
+    shader_io::Triangle,
+    vulkan::{
+        Context, VulkanError,
+        command::Submitter,
+        memory::Buffer,
+        record::{Access, Recorder},
+    },
 };
 use ash::vk;
 use std::sync::Arc;
@@ -17,8 +20,8 @@ use std::sync::Arc;
 /// Scratch memory of builds that run side by side. A build that needs more runs alone.
 const SCRATCH_BYTES: u64 = 32 << 20;
 
-/// Bytes of three corners, tightly packed.
-const TRIANGLE_BYTES: u64 = 48;
+/// Bytes of three corners, each on a third of them.
+const TRIANGLE_BYTES: u64 = size_of::<Triangle>() as u64;
 
 /// Bytes of the lower and the upper corner of a box.
 const BOX_BYTES: u64 = size_of::<vk::AabbPositionsKHR>() as u64;

@@ -142,14 +142,14 @@ impl TracePipeline {
             .zip(&modules)
             .map(|((stage, _), module)| module.stage(*stage, &specialization))
             .collect();
-        let mut unchecked = unchecked();
+        let mut unchecked = unchecked(context);
         let mut info = vk::RayTracingPipelineCreateInfoKHR::default()
             .stages(&infos)
             .groups(&groups)
             .max_pipeline_ray_recursion_depth(shaders.recursion_depth)
             .layout(layout.raw());
-        if context.info().can_leave_unchecked() {
-            info = info.push_next(&mut unchecked);
+        if let Some(unchecked) = &mut unchecked {
+            info = info.push_next(unchecked);
         }
         let info = [info];
         let functions = &context.tracing()?.pipeline;
