@@ -1,9 +1,16 @@
 //! What scenes leave out, decided without a device.
 
+use crate::support::Random;
+use glam::{DVec3, DVec4};
 use holonomy::{
-    render::plan::{Feature, Plan, Purpose},
+    geometry::{Geodesic, Geometry, Visitor, visit},
+    render::{
+        plan::{Feature, Plan, Purpose},
+        world::{World, WorldQuadric},
+    },
     scene::{Place, Scene, Shading, Shape, file},
     shader_io,
+    space::polyhedron::Polyhedron,
 };
 
 fn scene(name: &str) -> Scene {
@@ -132,4 +139,73 @@ fn plan_specialization_follows_every_decision() {
 fn plan_scenes_say_what_is_attached() {
     assert!(scene("torus").objects.iter().any(|o| matches!(o.place, Place::Viewer { .. })));
     assert!(!scene("poincare").objects.iter().any(|o| matches!(o.place, Place::Viewer { .. })));
+}
+
+/// Balls at vertices are no part of a world where tubes run along all edges there, and what the cell has of such a ball is in
+/// these tubes indeed; if a tube is missing or thinner, they are.
+#[test]
+fn plan_leaves_out_balls_inside_of_tubes() {
+    struct Outside<'a>(&'a Scene, &'a World);
+    impl Visitor for Outside<'_> {
+        /// Points of the cell that are in a ball at a vertex, and how many of them are in no tube.
+        type Output = (usize, usize);
+        fn visit<G: Geometry>(self, geometry: G) -> (usize, usize) {
+            let Self(scene, world) = self;
+            let radius = scene.objects.iter().find_map(|object| match object.shape {
+                Shape::DomainEdges { radius } | Shape::Tube { radius, .. } => Some(radius),
+                _ => None,
+            });
+            let radius = radius.expect("tubes");
+            let cell = &scene.space.cells[0];
+            let polyhedron = Polyhedron::bounded(cell).expect("a cell").expect("with an end");
+            let in_tube = |quadric: &WorldQuadric, c: DVec3| {
+                let x = c.extend(1.0);
+                x.dot(quadric.surface.matrix() * x) <= 0.0 && quadric.clip.iter().all(|plane| plane.dot(x) >= 0.0)
+            };
+            let mut random = Random(11);
+            let (mut inside, mut outside) = (0, 0);
+            for vertex in &polyhedron.vertices {
+                let point = geometry.unchart(*vertex).expect("a point");
+                let axes = geometry.frame(point);
+                for _ in 0..500 {
+                    let towards = [0; 3].map(|_| random.within(-1.0, 1.0));
+                    let velocity = (0..3).map(|i| axes[i] * towards[i]).sum::<DVec4>();
+                    let length = geometry.norm(point, velocity);
+                    let start = Geodesic { point, velocity: velocity / length };
+                    let c = geometry.chart(geometry.flow(start, random.within(0.0, radius)).point);
+                    if world.domain.faces.iter().all(|face| face.plane.dot(c.extend(1.0)) <= 0.0) {
+                        inside += 1;
+                        outside += usize::from(!world.quadrics.iter().any(|quadric| in_tube(quadric, c)));
+                    }
+                }
+            }
+            (inside, outside)
+        }
+    }
+    let world = |scene: &Scene| {
+        let plan = Plan::new(scene, false);
+        World::new(scene, &plan, scene.observer.frame).expect("a world")
+    };
+    // The third form of a tube is zero.
+    let balls = |world: &World| world.quadrics.iter().filter(|q| q.surface.forms[2].length() > 0.0).count();
+    for (name, others) in
+        [("bench-torus", 2), ("torus", 0), ("poincare", 0), ("seifert-weber", 0), ("mirrored-cube", 0)]
+    {
+        let scene = scene(name);
+        let world = world(&scene);
+        assert_eq!(balls(&world), others, "{name}");
+        let (inside, outside) = visit(scene.space.geometry, Outside(&scene, &world));
+        assert!(inside > 100 && outside == 0, "{name}: {outside} of {inside} points");
+    }
+    let full = scene("bench-torus");
+    let tube = full.objects.iter().position(|object| matches!(object.shape, Shape::Tube { .. })).expect("a tube");
+    let mut missing = full.clone();
+    missing.objects.remove(tube);
+    assert_eq!(balls(&world(&missing)), 8 + 2);
+    let mut thinner = full;
+    if let Shape::Tube { radius, .. } = &mut thinner.objects[tube].shape {
+        *radius *= 0.5;
+    }
+    // Its own balls are hidden by the other tubes only where the three meet, which they do at all vertices.
+    assert_eq!(balls(&world(&thinner)), 8 + 2);
 }

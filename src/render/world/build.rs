@@ -5,7 +5,7 @@ use super::{
     lights::Lights,
     meshes::{Meshes, RestMesh},
     place::{Copy, Corners, copies},
-    shapes::grid_lines,
+    shapes::{Solids, grid_lines},
 };
 use crate::{
     geometry::{Geodesic, Geometry, Isometry, Visitor, carry, visit},
@@ -110,6 +110,8 @@ pub(super) struct Builder<'a, G> {
     first_copies: HashMap<(usize, u64), (Frame, Isometry, usize)>,
     movers: Vec<Mover>,
     pub quadrics: Vec<WorldQuadric>,
+    /// What they are.
+    pub solids: Solids,
 }
 
 impl<'a, G: Geometry> Builder<'a, G> {
@@ -126,6 +128,7 @@ impl<'a, G: Geometry> Builder<'a, G> {
             first_copies: HashMap::new(),
             movers: Vec::new(),
             quadrics: Vec::new(),
+            solids: Solids::default(),
         })
     }
 
@@ -221,6 +224,7 @@ impl<'a, G: Geometry> Builder<'a, G> {
                 }
             }
         }
+        self.drop_hidden_balls();
         bvh::halve(&mut self.quadrics, |q| q.cell, |q| q.bounds.centre());
         Ok(())
     }

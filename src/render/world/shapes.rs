@@ -11,7 +11,7 @@ use crate::{
     geometry::{Geodesic, Geometry, Quadric, exponential},
     render::bvh::Aabb,
     scene::Object,
-    space::observer::Frame,
+    space::{observer::Frame, polyhedron::Polyhedron},
 };
 use glam::{DVec3, DVec4};
 
@@ -36,8 +36,10 @@ impl<G: Geometry> Builder<'_, G> {
         let copies = copies(geometry, &self.domain, cell, &extent, &object.name)?;
         for copy in &copies {
             let image = geometry.apply(&copy.isometry, Geodesic { point: centre, velocity: DVec4::ZERO }).point;
-            if let Some(ball) = geometry.ball(image, radius) {
-                self.add_quadric(index, object, copy, ball, [DVec4::W; 2], ball_box(&ball));
+            if let Some(ball) = geometry.ball(image, radius)
+                && let Some(quadric) = self.add_quadric(index, object, copy, ball, [DVec4::W; 2], ball_box(&ball))
+            {
+                self.solids.balls.push(Ball { quadric, centre: geometry.chart(image), radius });
             }
         }
         Ok(copies)
@@ -165,15 +167,19 @@ impl<G: Geometry> Builder<'_, G> {
                 bounds
             };
             let clips = [clip(start, 1.0), clip(end, -1.0)];
-            if let Some(tube) = geometry.tube(start, radius) {
-                self.add_quadric(index, object, &copy, tube, clips, bounds);
+            if let Some(tube) = geometry.tube(start, radius)
+                && self.add_quadric(index, object, &copy, tube, clips, bounds).is_some()
+            {
+                let ends = [start, end].map(|g| geometry.chart(g.point));
+                self.solids.tubes.push(Tube { cell: copy.cell, ends, length, radius });
             }
         }
         Ok(())
     }
 
     /// Adds a quadric to a cell unless the same surface is there already: edges of a cell are copies of one another, and
-    /// where surfaces of two objects coincide the first is seen, whichever way a backend looks for hits.
+    /// where surfaces of two objects coincide the first is seen, whichever way a backend looks for hits. Its index, if it
+    /// was added.
     fn add_quadric(
         &mut self,
         index: usize,
@@ -182,7 +188,7 @@ impl<G: Geometry> Builder<'_, G> {
         surface: Quadric,
         clip: [DVec4; 2],
         bounds: Aabb,
-    ) {
+    ) -> Option<usize> {
         // Quadrics have a material of their own: the scene reader refuses them without.
         let material = object.material.unwrap_or(0) as u32;
         let same = |a: DVec4, b: DVec4| (a - b).abs().max_element() < 1e-9;
@@ -201,10 +207,29 @@ impl<G: Geometry> Builder<'_, G> {
         // What only touches the cell with its end is seen in the cell where it goes on.
         const THIN: f64 = 1e-12;
         if is_known || (bounds.upper - bounds.lower).min_element() < THIN {
-            return;
+            return None;
         }
         let object = index as u32;
         self.quadrics.push(WorldQuadric { surface, clip, bounds, cell: copy.cell, material, object });
+        Some(self.quadrics.len() - 1)
+    }
+
+    /// Leaves out balls that are inside of tubes as far as the cell goes: those at a vertex, where tubes that are no thinner
+    /// begin along all of its edges, as in a drawing of all edges.
+    ///
+    /// A point p of the cell, seen from its vertex, is a sum of vectors along the edges there with weights that are not
+    /// negative, since cells are convex. With one of them, e, its product is positive, as p · p is: p is on that side of the
+    /// plane where the tube along e begins. And the tube's axis is no farther from p than the vertex, which is on it. So a
+    /// ball is inside of the tubes, in the three geometries whose balls and tubes are quadrics.
+    pub(super) fn drop_hidden_balls(&mut self) {
+        let mut seen = vec![true; self.quadrics.len()];
+        for ball in &self.solids.balls {
+            let cell = self.quadrics[ball.quadric].cell;
+            seen[ball.quadric] = !self.polyhedra[cell].as_ref().is_some_and(|p| self.solids.hide(ball, cell, p));
+        }
+        let mut seen = seen.into_iter();
+        self.quadrics.retain(|_| seen.next().unwrap_or(true));
+        self.solids = Solids::default();
     }
 
     /// Adds a ball or a tube that was divided into triangles, if it could be.
@@ -224,6 +249,63 @@ impl<G: Geometry> Builder<'_, G> {
         let rest = RestMesh::in_chart(self.geometry, index as u32, frame, surface.placed, triangles);
         self.add_divided(object, rest)
     }
+}
+
+/// Balls and tubes that quadrics stand for.
+#[derive(Default)]
+pub(super) struct Solids {
+    balls: Vec<Ball>,
+    tubes: Vec<Tube>,
+}
+
+/// A ball.
+struct Ball {
+    /// Index of its quadric.
+    quadric: usize,
+    /// In the chart of its cell.
+    centre: DVec3,
+    radius: f64,
+}
+
+/// A tube in a cell.
+struct Tube {
+    cell: usize,
+    /// Ends of its axis, in the chart of the cell.
+    ends: [DVec3; 2],
+    /// Geodesic length of the axis.
+    length: f64,
+    radius: f64,
+}
+
+impl Solids {
+    /// Whether tubes along all edges at a vertex of the cell hide a ball there.
+    fn hide(&self, ball: &Ball, cell: usize, polyhedron: &Polyhedron) -> bool {
+        let Some(vertex) = polyhedron.vertices.iter().position(|v| same(*v, ball.centre)) else { return false };
+        let tubes: Vec<DVec3> = self.tubes.iter().filter(|t| t.cell == cell).filter_map(|t| t.covering(ball)).collect();
+        // Geodesics are straight in the chart.
+        let beside = |along: DVec3| tubes.iter().any(|tube| same(tube.normalize(), along.normalize()));
+        polyhedron.edges.iter().all(|edge| match edge.vertices {
+            [v, other] | [other, v] if v == vertex => beside(polyhedron.vertices[other] - polyhedron.vertices[v]),
+            _ => true,
+        })
+    }
+}
+
+impl Tube {
+    /// The direction in which it begins at the centre of a ball that is no wider than it is wide and long.
+    fn covering(&self, ball: &Ball) -> Option<DVec3> {
+        let [a, b] = self.ends;
+        let far = if same(a, ball.centre) { Some(b) } else { same(b, ball.centre).then_some(a) };
+        let wide = self.radius >= ball.radius * (1.0 - SAME) && self.length >= ball.radius;
+        far.filter(|_| wide).map(|far| far - ball.centre)
+    }
+}
+
+/// Points and unit vectors that are as near to each other are the same.
+const SAME: f64 = 1e-9;
+
+fn same(a: DVec3, b: DVec3) -> bool {
+    a.distance(b) < SAME
 }
 
 /// The lines of a grid, along x, then y, then z.
