@@ -8,6 +8,8 @@
 //! worth drawing. Children are sorted along an axis, so that the sign of a direction tells the near ones. A child is a node
 //! or a single primitive.
 
+mod reinsertion;
+
 use crate::shader_io::{Node, REFERENCE_NOTHING, REFERENCE_QUADRIC, REFERENCE_SHIFT, REFERENCE_TRIANGLE, STACK_SIZE};
 use glam::{DVec3, Vec3};
 
@@ -142,7 +144,7 @@ impl Grid {
 }
 
 /// Appends the tree of primitives to `nodes`, from the box of each. `None` without primitives.
-pub fn build(primitives: &[(Aabb, Primitive)], nodes: &mut Vec<Node>) -> Option<Tree> {
+pub fn build(primitives: &[(Aabb, Primitive)], nodes: &mut Vec<Node>, effort: Effort) -> Option<Tree> {
     let mut items: Vec<Item> =
         primitives.iter().map(|&(bounds, primitive)| Item { bounds, centre: bounds.centre(), primitive }).collect();
     if items.is_empty() {
@@ -151,13 +153,57 @@ pub fn build(primitives: &[(Aabb, Primitive)], nodes: &mut Vec<Node>) -> Option<
     let grid = Grid::new(bounds(&items));
     let mut branches = Vec::with_capacity(2 * items.len() - 1);
     let root = grow(&mut branches, &mut items, 0);
-    let mut collapse = Collapse { branches: &branches, nodes, grid, levels: 0 };
-    let root = match branches[root].kind {
-        Kind::Primitive(_) => collapse.finish(collapse.nodes.len(), &mut [(root, Reference::Nothing)]),
+    if let Effort::High = effort {
+        reinsertion::improve(&mut branches, root);
+    }
+    let costs = costs(&branches, root);
+    let first = nodes.len();
+    let mut collapse = Collapse { branches: &branches, costs: &costs, nodes, grid, levels: 0 };
+    let node = match branches[root].kind {
+        Kind::Primitive(_) => collapse.finish(first, &mut [(root, Reference::Nothing)]),
         Kind::Fork(..) => collapse.node(root, 1),
     };
     // Beside each node above three others may wait, and a fourth place is written to in vain.
-    Some(Tree { stack: 3 * collapse.levels.max(1) + 1, root: root.word(), grid })
+    let stack = 3 * collapse.levels.max(1) + 1;
+    if stack > STACK_SIZE {
+        // What was put in again has made the tree too deep.
+        nodes.truncate(first);
+        return build(primitives, nodes, Effort::Low);
+    }
+    Some(Tree { stack, root: node.word(), grid })
+}
+
+/// How much work a tree is worth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effort {
+    /// It is for one picture of a sequence.
+    Low,
+    /// It is for many.
+    High,
+}
+
+/// Boxes in which all of `boxes` are: one, two and so on to `most`, or as many as there are, as small as splits by the surface
+/// area heuristic make them.
+pub fn covers(boxes: &[Aabb], most: usize) -> Vec<Vec<Aabb>> {
+    let item = |&bounds: &Aabb| Item { bounds, centre: bounds.centre(), primitive: Primitive::Quadric(0) };
+    let mut items: Vec<Item> = boxes.iter().map(item).collect();
+    if items.is_empty() {
+        return Vec::new();
+    }
+    let mut branches = Vec::with_capacity(2 * items.len() - 1);
+    let mut cover = vec![grow(&mut branches, &mut items, 0)];
+    let mut covers = Vec::with_capacity(most);
+    while covers.len() < most {
+        covers.push(cover.iter().map(|&branch| branches[branch].bounds).collect());
+        let forks = cover.iter().zip(0..).filter_map(|(&branch, place)| match branches[branch].kind {
+            Kind::Fork(left, right) => Some((branches[branch].bounds.half_area(), place, left, right)),
+            Kind::Primitive(_) => None,
+        });
+        let Some((_, place, left, right)) = forks.max_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+        cover[place] = left;
+        cover.push(right);
+    }
+    covers
 }
 
 #[derive(Clone, Copy)]
@@ -175,9 +221,10 @@ fn bounds(items: &[Item]) -> Aabb {
 struct Branch {
     bounds: Aabb,
     kind: Kind,
-    /// Expected number of nodes visited, times an area, if it becomes at most 1, 2, 3, 4 children of one node.
-    cost: [f64; WIDTH],
 }
+
+/// Expected number of nodes visited, times an area, if a branch becomes at most 1, 2, 3, 4 children of one node.
+type Cost = [f64; WIDTH];
 
 #[derive(Clone, Copy)]
 enum Kind {
@@ -189,32 +236,52 @@ enum Kind {
 /// Grows the branch of one item or more; returns its index.
 fn grow(branches: &mut Vec<Branch>, items: &mut [Item], depth: u32) -> usize {
     let bounds = bounds(items);
-    let branch = if let [only] = items {
-        Branch { bounds, kind: Kind::Primitive(only.primitive), cost: [0.0; WIDTH] }
+    let kind = if let [only] = items {
+        Kind::Primitive(only.primitive)
     } else {
         let middle = split(items, depth);
         let (left, right) = items.split_at_mut(middle);
-        let fork = (grow(branches, left, depth + 1), grow(branches, right, depth + 1));
-        let apart = |count: usize| shares(branches, fork, count).0;
-        let mut cost = [bounds.half_area() + apart(WIDTH); WIDTH];
-        for count in 2..=WIDTH {
-            cost[count - 1] = cost[count - 2].min(apart(count));
-        }
-        Branch { bounds, kind: Kind::Fork(fork.0, fork.1), cost }
+        Kind::Fork(grow(branches, left, depth + 1), grow(branches, right, depth + 1))
     };
-    branches.push(branch);
+    branches.push(Branch { bounds, kind });
     branches.len() - 1
 }
 
+/// The costs of all branches.
+fn costs(branches: &[Branch], root: usize) -> Vec<Cost> {
+    let mut costs = vec![[0.0; WIDTH]; branches.len()];
+    // Parents before their children.
+    let mut order = vec![root];
+    let mut next = 0;
+    while let Some(&branch) = order.get(next) {
+        if let Kind::Fork(left, right) = branches[branch].kind {
+            order.extend([left, right]);
+        }
+        next += 1;
+    }
+    for branch in order.into_iter().rev() {
+        if let Kind::Fork(left, right) = branches[branch].kind {
+            let apart = |count: usize| shares(&costs, (left, right), count).0;
+            let mut cost = [branches[branch].bounds.half_area() + apart(WIDTH); WIDTH];
+            for count in 2..=WIDTH {
+                cost[count - 1] = cost[count - 2].min(apart(count));
+            }
+            costs[branch] = cost;
+        }
+    }
+    costs
+}
+
 /// The cheapest way to make at most `count` children of two branches: its cost, and how many each gets.
-fn shares(branches: &[Branch], (left, right): (usize, usize), count: usize) -> (f64, usize, usize) {
-    let share = |k: usize| (branches[left].cost[k - 1] + branches[right].cost[count - k - 1], k, count - k);
+fn shares(costs: &[Cost], (left, right): (usize, usize), count: usize) -> (f64, usize, usize) {
+    let share = |k: usize| (costs[left][k - 1] + costs[right][count - k - 1], k, count - k);
     (1..count).map(share).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, 1, 1))
 }
 
 /// Makes nodes of branches.
 struct Collapse<'a> {
     branches: &'a [Branch],
+    costs: &'a [Cost],
     nodes: &'a mut Vec<Node>,
     grid: Grid,
     /// Nodes from the root to the deepest one.
@@ -241,9 +308,9 @@ impl Collapse<'_> {
 
     /// Collects what a fork becomes if it becomes at most `count` children.
     fn gather(&self, children: &mut Vec<(usize, Reference)>, fork: (usize, usize), count: usize) {
-        let (_, of_left, of_right) = shares(self.branches, fork, count);
+        let (_, of_left, of_right) = shares(self.costs, fork, count);
         for (branch, count) in [(fork.0, of_left), (fork.1, of_right)] {
-            let Branch { kind, cost, .. } = &self.branches[branch];
+            let (kind, cost) = (&self.branches[branch].kind, self.costs[branch]);
             let enough = (1..=count).find(|k| cost[k - 1] <= cost[count - 1]).unwrap_or(1);
             match *kind {
                 Kind::Fork(left, right) if enough > 1 => self.gather(children, (left, right), enough),
@@ -385,7 +452,7 @@ mod tests {
     /// Every primitive is in exactly one leaf, inside the boxes above it, and no path is deeper than the stack.
     #[test]
     fn bvh_holds_every_primitive_once() {
-        for n in [1_usize, 2, 3, 17, 1000] {
+        for (n, effort) in [1_usize, 2, 3, 17, 1000].iter().flat_map(|&n| [(n, Effort::Low), (n, Effort::High)]) {
             let boxes: Vec<Aabb> = (0..n)
                 .map(|i| {
                     let t = i as f64 * 0.618_033_988_7;
@@ -395,7 +462,7 @@ mod tests {
                 .collect();
             let named: Vec<_> = (0..).zip(&boxes).map(|(i, b)| (*b, Primitive::Quadric(i))).collect();
             let mut nodes = Vec::new();
-            let tree = build(&named, &mut nodes).expect("there are primitives");
+            let tree = build(&named, &mut nodes, effort).expect("there are primitives");
             let mut seen = vec![0; n];
             let mut stack = vec![tree.root];
             while let Some(word) = stack.pop() {

@@ -61,11 +61,10 @@ impl Tracer for Compute {
     ) -> Result<(Self, Vec<Bound>), RenderError> {
         let hierarchy = world.hierarchy();
         let cells = pack::cells(world, &hierarchy.trees);
-        let (mut triangles, mut quadrics, mut quadric_shading) = Default::default();
-        let mut shading = &[][..];
+        let (mut triangles, mut shading, mut quadrics, mut quadric_shading) = Default::default();
+        let mut nodes = hierarchy.nodes.clone();
         if world.plan.uses(Feature::Meshes) {
-            triangles = pack::triangles(world.meshes());
-            shading = &world.meshes().shading;
+            (triangles, shading) = pack::triangles_in_order(world.meshes(), &mut nodes);
         }
         if world.plan.uses(Feature::Quadrics) {
             quadrics = world.quadrics.iter().map(pack::quadric).collect::<Vec<_>>();
@@ -73,9 +72,13 @@ impl Tracer for Compute {
         }
         let bound = device.upload(&[
             (binding::cells, "cells", cast_slice(&cells)),
-            (binding::nodes, "nodes", cast_slice(&hierarchy.nodes)),
+            (binding::nodes, "nodes", cast_slice(&nodes)),
             (binding::triangles, "triangles", cast_slice::<crate::shader_io::Triangle, u8>(&triangles)),
-            (binding::triangle_shading, "triangle shading", cast_slice(shading)),
+            (
+                binding::triangle_shading,
+                "triangle shading",
+                cast_slice::<crate::shader_io::TriangleShading, u8>(&shading),
+            ),
             (binding::quadric_surfaces, "quadrics", cast_slice(&quadrics)),
             (binding::quadric_shading, "quadric shading", cast_slice(&quadric_shading)),
         ])?;

@@ -3,7 +3,7 @@
 use crate::{
     geometry::Isometry,
     render::{
-        bvh::Tree,
+        bvh::{Primitive, Reference, Tree},
         plan::Feature,
         world::{World, WorldQuadric, meshes::Meshes},
     },
@@ -121,11 +121,25 @@ pub fn cells(world: &World, trees: &[Option<Tree>]) -> Vec<io::Cell> {
 
 /// Corners of triangles.
 pub fn triangles(meshes: &Meshes) -> Vec<io::Triangle> {
-    meshes
-        .triangles
-        .iter()
-        .map(|[a, b, c]| io::Triangle { a: vec3(*a), b: vec3(*b), c: vec3(*c), ..io::Triangle::default() })
-        .collect()
+    meshes.triangles.iter().map(triangle).collect()
+}
+
+fn triangle([a, b, c]: &[DVec3; 3]) -> io::Triangle {
+    io::Triangle { a: vec3(*a), b: vec3(*b), c: vec3(*c), ..io::Triangle::default() }
+}
+
+/// Corners and shading data of triangles in the order in which nodes name them, so that those of one node lie side by side; the
+/// nodes name them by their places then.
+pub fn triangles_in_order(meshes: &Meshes, nodes: &mut [io::Node]) -> (Vec<io::Triangle>, Vec<io::TriangleShading>) {
+    let (mut corners, mut shading) = (Vec::new(), Vec::new());
+    for child in nodes.iter_mut().flat_map(|node| &mut node.children) {
+        if let Reference::Primitive(Primitive::Triangle(index)) = Reference::read(*child) {
+            *child = Reference::Primitive(Primitive::Triangle(corners.len() as u32)).word();
+            corners.push(triangle(&meshes.triangles[index as usize]));
+            shading.push(meshes.shading[index as usize]);
+        }
+    }
+    (corners, shading)
 }
 
 /// The surface of a quadric.

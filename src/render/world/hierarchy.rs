@@ -2,7 +2,7 @@
 
 use super::{Meshes, WorldQuadric};
 use crate::{
-    render::bvh::{self, Aabb, Primitive, Tree},
+    render::bvh::{self, Aabb, Effort, Primitive, Tree},
     shader_io::Node,
     space::domain::Domain,
 };
@@ -20,7 +20,7 @@ pub struct Hierarchy {
 
 impl Hierarchy {
     /// Builds the hierarchies of all cells.
-    pub fn new(domain: &Domain, meshes: &Meshes, quadrics: &[WorldQuadric]) -> Self {
+    pub fn new(domain: &Domain, meshes: &Meshes, quadrics: &[WorldQuadric], effort: Effort) -> Self {
         let mut hierarchy = Self::default();
         for cell in 0..domain.cells.len() {
             let triangles = meshes
@@ -29,7 +29,7 @@ impl Hierarchy {
             let inside = quadrics.iter().enumerate().filter(|(_, quadric)| quadric.cell == cell);
             let quadrics = inside.map(|(index, quadric)| (quadric.bounds, Primitive::Quadric(index as u32)));
             let primitives: Vec<_> = triangles.chain(quadrics).collect();
-            let tree = bvh::build(&primitives, &mut hierarchy.nodes);
+            let tree = bvh::build(&primitives, &mut hierarchy.nodes, effort);
             hierarchy.stack = hierarchy.stack.max(tree.map_or(0, |tree| tree.stack));
             hierarchy.trees.push(tree);
         }

@@ -17,7 +17,10 @@ pub mod tessellate;
 
 use crate::{
     geometry::{Geometry, GeometryId, Quadric, Visitor, visit},
-    render::{bvh::Aabb, plan::Plan},
+    render::{
+        bvh::{Aabb, Effort},
+        plan::Plan,
+    },
     scene::{Material, Settings, Texture},
     space::{domain::Domain, observer::Frame},
 };
@@ -112,7 +115,8 @@ impl World {
 
     /// The hierarchies of the cells in this pose.
     pub fn hierarchy(&self) -> &Hierarchy {
-        self.hierarchy.get_or_init(|| Hierarchy::new(&self.domain, self.meshes(), &self.quadrics))
+        let effort = if self.movers.is_empty() && !self.quadrics_move { Effort::High } else { Effort::Low };
+        self.hierarchy.get_or_init(|| Hierarchy::new(&self.domain, self.meshes(), &self.quadrics, effort))
     }
 }
 
