@@ -415,6 +415,16 @@ numbers! {
     REFERENCE_TRIANGLE: uint = 4;
     /// A quadric is there.
     REFERENCE_QUADRIC: uint = 5;
+    /// Most guards, of all kinds together.
+    GUARDS: uint = 32;
+    /// Kind of an instance, a bit of its mask: meshes that rest.
+    KIND_MESHES: uint = 1;
+    /// Kind of an instance, a bit of its mask: quadrics that rest.
+    KIND_QUADRICS: uint = 2;
+    /// Kind of an instance, a bit of its mask: what moves.
+    KIND_MOVING: uint = 4;
+    /// All kinds.
+    KIND_ALL: uint = 7;
     /// Texture wrap mode.
     WRAP_REPEAT: uint = 0;
     /// Texture wrap mode.
@@ -661,31 +671,41 @@ specialization! {
     /// The invocations of a subgroup walk the hierarchy together, with a stack of so many entries, its depth
     /// among them; 0 if each walks alone.
     together: uint = 0;
+    /// Kinds of instances that a segment meets only if it is near one of their guards.
+    guarded: uint = 0;
+    /// Number of guards about meshes.
+    mesh_guards: uint = 0;
+    /// Number of guards about quadrics, behind those about meshes.
+    quadric_guards: uint = 0;
 }
 
 /// Declares buffer bindings of descriptor set 0 for both sides.
 macro_rules! bindings {
     (
         $($(#[doc = $doc:literal])* $number:literal $name:ident: $access:ident $type:ident;)*
-        uniform { $(#[doc = $uniform_doc:literal])* $uniform:literal $uniform_name:ident: $uniform_type:ident[$length:ident]; }
+        uniform {
+            $($(#[doc = $uniform_doc:literal])* $uniform:literal $uniform_name:ident: $uniform_type:ident[$length:ident];)*
+        }
     ) => {
-        /// Binding numbers of descriptor set 0: storage buffers, and behind them one uniform buffer.
+        /// Binding numbers of descriptor set 0: storage buffers, and behind them uniform buffers.
         pub mod binding {
             $($(#[doc = $doc])* #[allow(non_upper_case_globals)] pub const $name: u32 = $number;)*
-            $(#[doc = $uniform_doc])* #[allow(non_upper_case_globals)] pub const $uniform_name: u32 = $uniform;
+            $($(#[doc = $uniform_doc])* #[allow(non_upper_case_globals)] pub const $uniform_name: u32 = $uniform;)*
         }
 
         /// Number of storage buffers: bindings from 0 on.
         pub const STORAGE_BUFFERS: u32 = [$($number),*].len() as u32;
+        /// Number of uniform buffers, behind them.
+        pub const UNIFORM_BUFFERS: u32 = [$($uniform),*].len() as u32;
         /// Number of bindings.
-        pub const BINDINGS: u32 = STORAGE_BUFFERS + 1;
+        pub const BINDINGS: u32 = STORAGE_BUFFERS + UNIFORM_BUFFERS;
 
         /// GLSL declarations of all bindings.
         pub const BINDINGS_GLSL: &str = concat!(
             $("layout(set = 0, binding = ", stringify!($number), ", scalar) ", stringify!($access), " buffer Io_",
               stringify!($name), " { ", stringify!($type), " io_", stringify!($name), "[]; };\n",)*
-            "layout(set = 0, binding = ", stringify!($uniform), ", scalar) uniform Io_", stringify!($uniform_name), " { ",
-            stringify!($uniform_type), " io_", stringify!($uniform_name), "[IO_", stringify!($length), "]; };\n",
+            $("layout(set = 0, binding = ", stringify!($uniform), ", scalar) uniform Io_", stringify!($uniform_name), " { ",
+              stringify!($uniform_type), " io_", stringify!($uniform_name), "[IO_", stringify!($length), "]; };\n",)*
         );
     };
 }
@@ -760,6 +780,8 @@ bindings! {
         /// Planes of the faces of the only cell, if they are [`UNROLLED_FACES`](super::UNROLLED_FACES) at most: hardware
         /// computes with uniform numbers where they are.
         32 planes: vec4[UNROLLED_FACES];
+        /// Boxes about what rests in the only cell, asked before a segment is traced.
+        33 guards: Box[GUARDS];
     }
 }
 

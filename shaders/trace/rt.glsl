@@ -2,6 +2,7 @@
 // raygen traces again, so the depth of recursion is 1 whatever the number of bounces.
 #ifndef RT_GLSL
 #define RT_GLSL
+#extension GL_EXT_control_flow_attributes : require
 #include "trace/payload.glsl"
 
 layout(location = PAYLOAD) rayPayloadEXT Payload rt_payload;
@@ -15,11 +16,51 @@ accelerationStructureEXT rt_scene(uint cell) {
     return accelerationStructureEXT(io_scenes[cell]);
 }
 
+// A segment as its guards see it: it passes x along an axis at s = x reciprocal + lower, where a box begins, and + upper, where
+// one ends. An arc lies between its chord and the chord shifted by a quarter of the bend.
+struct Way {
+    vec3 reciprocal;
+    vec3 lower;
+    vec3 upper;
+};
+
+Way way_of(Segment segment) {
+    vec3 direction = mix(segment.direction, vec3(1e-20), lessThan(abs(segment.direction), vec3(1e-20)));
+    vec3 bulge = GEO_STRAIGHT ? vec3(0.0) : 0.25 * segment.bend;
+    vec3 reciprocal = 1.0 / direction;
+    return Way(reciprocal, -reciprocal * (segment.origin + max(bulge, vec3(0.0))),
+               -reciprocal * (segment.origin + min(bulge, vec3(0.0))));
+}
+
+// Whether a segment comes near a guard.
+bool way_near(Way way, Box guard) {
+    vec3 a = fma(guard.lower, way.reciprocal, way.lower);
+    vec3 b = fma(guard.upper, way.reciprocal, way.upper);
+    vec3 enter = min(a, b);
+    vec3 leave = max(a, b);
+    return max(max(enter.x, enter.y), max(enter.z, 0.0)) <= min(min(leave.x, leave.y), min(leave.z, 1.0));
+}
+
+// Kinds of instances that the segment may meet (src/render/rt/guards.rs).
+uint rt_near(Segment segment) {
+    if (!(IO_MESHES || IO_QUADRICS)) return 0u;
+    if (IO_GUARDED == 0u) return IO_KIND_ALL;
+    Way way = way_of(segment);
+    bool meshes = false;
+    bool quadrics = false;
+    [[unroll]] for (uint i = 0u; i < IO_MESH_GUARDS; i++) meshes = way_near(way, io_guards[i]) || meshes;
+    [[unroll]] for (uint i = 0u; i < IO_QUADRIC_GUARDS; i++) quadrics = way_near(way, io_guards[IO_MESH_GUARDS + i]) || quadrics;
+    return (IO_KIND_ALL & ~IO_GUARDED) | (meshes ? IO_KIND_MESHES : 0u) | (quadrics ? IO_KIND_QUADRICS : 0u);
+}
+
 // Traces one segment of a pixel's ray, which closest-hit or miss follows, or of a shadow ray, which a hit ends. Both by one
 // call, so that the invocations which hardware runs in lockstep may trace the one and the other at the same time.
 void trace_segment(inout Path path, inout Hit hit, Segment segment, bool shadow) {
-    if (!(IO_MESHES || IO_QUADRICS)) {
-        stage_transport(path, io_view[0].bounces, IO_LENGTHS);
+    uint near = rt_near(segment);
+    if (near == 0u) {
+        // As the miss shaders do.
+        if (shadow) stage_transport(path, IO_SHADOW_BOUNCES, true);
+        else stage_transport(path, io_view[0].bounces, IO_LENGTHS);
         return;
     }
     payload_bend(segment);
@@ -31,12 +72,12 @@ void trace_segment(inout Path path, inout Hit hit, Segment segment, bool shadow)
 #ifdef RT_REORDER
     // Invocations that will run the same shader are brought together before they run it.
     hitObjectNV found;
-    hitObjectTraceRayNV(found, rt_scene(walk_cell(path)), flags, 0xffu, 0u, 1u, miss,
+    hitObjectTraceRayNV(found, rt_scene(walk_cell(path)), flags, near, 0u, 1u, miss,
                         segment.origin, 0.0, segment.direction, 1.0, PAYLOAD);
     reorderThreadNV(found);
     hitObjectExecuteShaderNV(found, PAYLOAD);
 #else
-    traceRayEXT(rt_scene(walk_cell(path)), flags, 0xffu, 0u, 1u, miss,
+    traceRayEXT(rt_scene(walk_cell(path)), flags, near, 0u, 1u, miss,
                 segment.origin, 0.0, segment.direction, 1.0, PAYLOAD);
 #endif
     path = rt_payload.path;

@@ -263,6 +263,9 @@ impl Plan {
             listed: (self.purpose == Purpose::Eyes { listed: true }).into(),
             heat: self.heat.and_then(Heat::counter).map_or(0, |counter| counter + 1),
             together: 0,
+            guarded: 0,
+            mesh_guards: 0,
+            quadric_guards: 0,
         }
     }
 }

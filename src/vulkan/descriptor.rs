@@ -1,7 +1,7 @@
 //! Layouts, and descriptor sets of buffers.
 
 use super::{Context, VulkanError, memory::Buffer, memory::check_range};
-use crate::shader_io::{BINDINGS, STORAGE_BUFFERS};
+use crate::shader_io::{BINDINGS, STORAGE_BUFFERS, UNIFORM_BUFFERS};
 use ash::vk;
 use std::sync::Arc;
 
@@ -155,7 +155,8 @@ impl BufferSet {
                 });
             }
         }
-        let sizes = [(vk::DescriptorType::STORAGE_BUFFER, STORAGE_BUFFERS), (vk::DescriptorType::UNIFORM_BUFFER, 1)]
+        let (storage, uniform) = (vk::DescriptorType::STORAGE_BUFFER, vk::DescriptorType::UNIFORM_BUFFER);
+        let sizes = [(storage, STORAGE_BUFFERS), (uniform, UNIFORM_BUFFERS)]
             .map(|(ty, descriptor_count)| vk::DescriptorPoolSize { ty, descriptor_count });
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         // SAFETY: the context is alive and the structure complete.

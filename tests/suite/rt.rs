@@ -14,10 +14,11 @@ use holonomy::{
         compute::ComputeBackend,
         cpu::CpuBackend,
         plan::Plan,
-        rt::RtBackend,
+        rt::{RtBackend, guards::Guards},
         world::{Pose, World},
     },
     scene::{Mesh, Motion, Object, Place, Scene, Shape, Vertex, file},
+    shader_io::{Box, KIND_ALL, KIND_MOVING, KIND_QUADRICS, Specialization},
     space::observer::Frame,
     vulkan::{Context, ContextOptions, Tier, cache::Found, fault::FaultInjection},
 };
@@ -113,6 +114,45 @@ fn rt_lists_fall_into_halves() {
     let quadrics: Vec<_> = world.quadrics.iter().map(|q| q.bounds.centre()).collect();
     assert!(quadrics.len() > 2);
     assert_eq!(entangled(&quadrics), 0, "of {} quadrics", quadrics.len());
+}
+
+/// What rests in the torus is inside of guards, which most segments pass by; none are asked on hardware, or where edges are all
+/// around; what moves has none.
+#[test]
+fn rt_guards_hold_what_rests() {
+    let guards = |name: &str, software: bool| {
+        let world = world(&file::load(name).expect("shipped scenes load"));
+        let guards = Guards::new(software, &world);
+        (guards.specialize(Specialization::default()), guards.boxes(), world)
+    };
+    let (constants, boxes, world) = guards("torus", true);
+    assert_eq!(constants.guarded, KIND_ALL);
+    let (about_meshes, rest) = boxes.split_at(constants.mesh_guards as usize);
+    let about_quadrics = &rest[..constants.quadric_guards as usize];
+    let holds = |guards: &[Box], lower: DVec3, upper: DVec3| {
+        let within = |guard: &Box| {
+            DVec3::from(guard.lower.map(f64::from)).cmplt(lower).all()
+                && upper.cmplt(DVec3::from(guard.upper.map(f64::from))).all()
+        };
+        guards.iter().any(within)
+    };
+    assert!(
+        world.quadrics.len() > 3
+            && world.quadrics.iter().all(|q| holds(about_quadrics, q.bounds.lower, q.bounds.upper))
+    );
+    let triangles: Vec<_> = world.still.inside(&world.domain, 0).map(|index| world.still.triangles[index]).collect();
+    assert!(triangles.len() > 100, "{} triangles", triangles.len());
+    for [a, b, c] in triangles {
+        assert!(holds(about_meshes, a.min(b).min(c), a.max(b).max(c)), "a triangle at {a}");
+    }
+    assert_eq!(guards("torus", false).0, Specialization::default());
+    assert_eq!(guards("seifert-weber", true).0.guarded & KIND_QUADRICS, 0);
+    let mut moving = file::load("torus").expect("shipped scenes load");
+    moving.objects[0].motion = Some(Motion { velocity: DVec3::X, turn: DVec3::ZERO });
+    let plan = Plan::new(&moving, false);
+    let pose = Pose::new(moving.observer.frame, 0.0);
+    let moving = World::moving(&moving, &plan, pose).expect("a world");
+    assert_eq!(Guards::new(true, &moving).specialize(Specialization::default()).guarded & KIND_MOVING, 0);
 }
 
 /// A sphere with so many rows and columns of quadrilaterals.

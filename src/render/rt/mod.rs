@@ -19,6 +19,7 @@
 //! stage bodies that the compute backend runs, so both backends agree to the last bit but for rays within a rounding
 //! of an outline.
 
+pub mod guards;
 pub mod moving;
 pub mod scene;
 
@@ -34,7 +35,7 @@ use crate::{
         COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, Dispatch, LIST_WIDTH, Specialization, binding, types::vec3,
     },
     vulkan::{
-        Context, DeviceInfo, Tier, VulkanError,
+        Context, DeviceInfo, DeviceKind, Tier, VulkanError,
         descriptor::{Bound, BufferSet, Layout},
         record::Recorder,
         tracing::{
@@ -43,6 +44,7 @@ use crate::{
         },
     },
 };
+use guards::Guards;
 use scene::{Built, RtScene};
 use std::sync::Arc;
 
@@ -150,9 +152,10 @@ impl Tracer for Rt {
         options: RtOptions,
         last: Option<Self>,
     ) -> Result<(Self, Vec<Bound>), RenderError> {
+        let guards = Guards::new(device.context.info().kind == DeviceKind::Cpu, world);
         let variant = Variant {
             geometry: world.geometry,
-            constants: world.plan.specialization(),
+            constants: guards.specialize(world.plan.specialization()),
             recursion_depth: if options.recursive { world.settings.bounces.saturating_add(1).max(2) } else { 1 },
             raygen: match world.plan.heat {
                 Some(Heat::Time) => "raygen_clock.rgen",
@@ -165,7 +168,7 @@ impl Tracer for Rt {
             Some(last) => last.pipeline,
             None => Self::pipeline(&device.context, world, &variant)?,
         };
-        let Built { scene, bound, records } = RtScene::build(device, world)?;
+        let Built { scene, bound, records } = RtScene::build(device, world, &guards)?;
         let table = ShaderTable::new(&device.context, &mut device.submitter, &pipeline, &records)?;
         Ok((Self { pipeline, variant, table, scene }, bound))
     }

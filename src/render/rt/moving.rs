@@ -13,7 +13,7 @@ use super::{
     scene::{HitRecord, Triangles, geometries},
 };
 use crate::{
-    shader_io::{self as io, PLACE_GROUP, Placement, RestVertex, binding},
+    shader_io::{self as io, KIND_MOVING, PLACE_GROUP, Placement, RestVertex, binding},
     vulkan::{
         VulkanError,
         descriptor::{Bound, BufferSet},
@@ -227,7 +227,8 @@ impl MovingMeshes {
         self.meshes.iter().flat_map(move |mesh| {
             let copies = mesh.cells.iter().zip(&mesh.slots).filter(move |(c, _)| **c == cell);
             copies.filter_map(|(_, slot)| {
-                Some(Instance { structure: slot.structure.as_ref()?, transform: IDENTITY, record: slot.record })
+                let structure = slot.structure.as_ref()?;
+                Some(Instance { structure, transform: IDENTITY, record: slot.record, kind: KIND_MOVING })
             })
         })
     }

@@ -12,10 +12,11 @@ use super::{
         },
     },
     Group, groups,
+    guards::Guards,
     moving::MovingMeshes,
 };
 use crate::{
-    shader_io::{self as io, NONE, binding, types::uvec2},
+    shader_io::{self as io, KIND_MESHES, KIND_MOVING, KIND_QUADRICS, NONE, binding, types::uvec2},
     vulkan::{
         VulkanError,
         descriptor::Bound,
@@ -124,9 +125,12 @@ impl RtScene {
     ///
     /// # Errors
     /// Driver failures; worlds beyond the device's limits.
-    pub fn build(device: &mut Device, world: &World) -> Result<Built, RenderError> {
+    pub fn build(device: &mut Device, world: &World, guards: &Guards) -> Result<Built, RenderError> {
         let mut records = Vec::new();
-        let mut bound = device.upload(&[(binding::cells, "cells", cast_slice(&pack::cells(world, &[])))])?;
+        let mut bound = device.upload(&[
+            (binding::cells, "cells", cast_slice(&pack::cells(world, &[]))),
+            (binding::guards, "guards", cast_slice(&guards.boxes())),
+        ])?;
         if !world.plan.uses(Feature::Meshes) && !world.plan.uses(Feature::Quadrics) {
             return Ok(Built { scene: None, bound, records });
         }
@@ -189,6 +193,7 @@ impl RtScene {
                 structure: &self.still.structures[i.structure],
                 transform: i.transform,
                 record: i.record,
+                kind: KIND_MESHES,
             }));
             instances.extend(self.moving.instances(cell));
             instances.extend(self.quadrics.as_ref().and_then(|quadrics| quadrics.instance(cell)));
@@ -349,7 +354,7 @@ fn rows(map: &DAffine3) -> [[f32; 4]; 3] {
 }
 
 /// A box with room for the rounding of f32, and some more on all sides.
-fn box_about(lower: DVec3, upper: DVec3, margin: f64) -> io::Box {
+pub(super) fn box_about(lower: DVec3, upper: DVec3, margin: f64) -> io::Box {
     let slack = |x: DVec3| x.abs() * f64::from(io::BOX_SLACK) + f64::from(io::BOX_SLACK) + margin;
     io::Box { lower: pack::vec3(lower - slack(lower)), upper: pack::vec3(upper + slack(upper)) }
 }
@@ -449,6 +454,7 @@ impl Quadrics {
 
     fn instance(&self, cell: usize) -> Option<Instance<'_>> {
         let structure = self.structures.get(cell)?.as_ref()?;
-        Some(Instance { structure, transform: IDENTITY, record: self.records[cell] })
+        let kind = if structure.moves() { KIND_MOVING } else { KIND_QUADRICS };
+        Some(Instance { structure, transform: IDENTITY, record: self.records[cell], kind })
     }
 }

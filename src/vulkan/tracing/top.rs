@@ -24,6 +24,8 @@ pub struct Instance<'a> {
     pub transform: [[f32; 4]; 3],
     /// First of its hit records; its geometries take the records from there on.
     pub record: u32,
+    /// Its mask: rays whose mask has no bit of it pass by. 8 bits.
+    pub kind: u32,
 }
 
 /// The map that changes nothing.
@@ -31,14 +33,13 @@ pub const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0],
 
 impl Instance<'_> {
     fn words(&self) -> Words {
-        const ALL_RAYS: u32 = 0xff << 24;
         let flags = vk::GeometryInstanceFlagsKHR::TRIANGLE_FACING_CULL_DISABLE.as_raw() << 24;
         let address = self.structure.address();
         let mut words = [0; 16];
         for (word, x) in words.iter_mut().zip(self.transform.as_flattened()) {
             *word = x.to_bits();
         }
-        words[12] = ALL_RAYS;
+        words[12] = self.kind << 24;
         words[13] = (self.record & 0x00ff_ffff) | flags;
         words[14] = address as u32;
         words[15] = (address >> 32) as u32;

@@ -1,0 +1,144 @@
+//! Boxes about what is in a cell, which raygen asks before it has a segment traced.
+//!
+//! Where traversal is software, each step of it costs as much as looking at a dozen boxes that are the same for all rays, and
+//! long thin objects, such as the edges of a cell, make hierarchies through which each ray takes many steps. So there
+//! raygen looks at some boxes about what is in the cell first: instances of a kind that the segment does not come near are
+//! masked out, and a segment that comes near nothing is not traced. Hardware has no guards.
+
+use super::scene::box_about;
+use crate::{
+    render::{
+        bvh::{Aabb, covers},
+        world::World,
+    },
+    shader_io::{Box, GUARDS, KIND_MESHES, KIND_MOVING, KIND_QUADRICS, Specialization},
+    space::domain::Domain,
+};
+use glam::DVec3;
+use std::f64::consts::TAU;
+
+/// Most guards about one kind.
+const MOST: usize = GUARDS as usize / 2;
+
+/// What asking one guard costs, in units of tracing a segment (an estimate from core times of lavapipe, Mesa 26.1).
+const ASKING: f64 = 0.01;
+
+/// Guards are there if they bring the cost of a kind down to this.
+const WORTH_IT: f64 = 0.6;
+
+/// The guards of a world's only cell.
+#[derive(Clone, Debug, Default)]
+pub struct Guards {
+    /// Kinds of instances that are not there or have guards.
+    kinds: u32,
+    meshes: Vec<Box>,
+    quadrics: Vec<Box>,
+}
+
+impl Guards {
+    /// Puts boxes around what rests, for a device that traverses in software or not. There are none in worlds of several
+    /// cells, and about what most segments come near anyway.
+    pub fn new(software: bool, world: &World) -> Self {
+        let mut guards = Self::default();
+        if !software || world.domain.cells.len() != 1 {
+            return guards;
+        }
+        if world.movers.is_empty() && !world.quadrics_move() {
+            guards.kinds |= KIND_MOVING;
+        }
+        let quadrics: Vec<Aabb> = world.quadrics.iter().map(|quadric| quadric.bounds).collect();
+        let kinds = [(KIND_QUADRICS, quadrics, &mut guards.quadrics), (KIND_MESHES, runs(world), &mut guards.meshes)];
+        // Quadrics first: where they have none, all segments are traced, and those about meshes would spare next to nothing.
+        for (kind, about, boxes) in kinds {
+            let Some(best) = best(&world.domain, &about) else { break };
+            guards.kinds |= kind;
+            // With some slack, so that rounding masks out nothing that a segment meets.
+            *boxes = best.iter().map(|about| box_about(about.lower, about.upper, 0.0)).collect();
+        }
+        guards
+    }
+
+    /// Constants of pipelines that ask them.
+    pub fn specialize(&self, constants: Specialization) -> Specialization {
+        let [mesh_guards, quadric_guards] = [&self.meshes, &self.quadrics].map(|boxes| boxes.len() as u32);
+        Specialization { guarded: self.kinds, mesh_guards, quadric_guards, ..constants }
+    }
+
+    /// All boxes, those about meshes first.
+    pub fn boxes(&self) -> [Box; GUARDS as usize] {
+        let mut all = self.meshes.iter().chain(&self.quadrics).copied();
+        std::array::from_fn(|_| all.next().unwrap_or_default())
+    }
+}
+
+/// The boxes about all of `about` that make a segment cheapest, if it is worth it: none about nothing.
+fn best(domain: &Domain, about: &[Aabb]) -> Option<Vec<Aabb>> {
+    if about.is_empty() {
+        return Some(Vec::new());
+    }
+    let cost = |boxes: &[Aabb]| share_near(domain, boxes) + ASKING * boxes.len() as f64;
+    let costs = covers(about, MOST).into_iter().map(|boxes| (cost(&boxes), boxes));
+    costs.filter(|(cost, _)| *cost <= WORTH_IT).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, boxes)| boxes)
+}
+
+/// Boxes of the resting triangles, by runs of neighbours: few enough to be split quickly.
+fn runs(world: &World) -> Vec<Aabb> {
+    const RUNS: usize = 4096;
+    let triangles: Vec<usize> = world.still.inside(&world.domain, 0).collect();
+    let run = triangles.len().div_ceil(RUNS).max(1);
+    let around = |run: &[usize]| Aabb::around(run.iter().flat_map(|&index| world.still.triangles[index]));
+    triangles.chunks(run).map(around).collect()
+}
+
+/// Share of segments of a bounded cell that come near one of the boxes: of chords from places that are spread over its faces,
+/// in directions that are spread evenly. 1 if the cell has no end.
+fn share_near(domain: &Domain, boxes: &[Aabb]) -> f64 {
+    const CHORDS: usize = 512;
+    let all = boxes.iter().copied().fold(Aabb::EMPTY, Aabb::union);
+    let (mut chords, mut near) = (0_u32, 0_u32);
+    for i in 0..CHORDS {
+        // Points of the unit cube of seven dimensions that fill it evenly: multiples of powers of the inverse of the root of
+        // x^8 = x + 1 (Roberts: The unreasonable effectiveness of quasirandom sequences, 2018).
+        let mut power = 1.0;
+        let [x, y, z, first, first_turn, second, second_turn] = std::array::from_fn(|_| {
+            power /= 1.096_981_557_798_559_8;
+            (0.5 + power * i as f64).fract()
+        });
+        let point = all.lower + DVec3::new(x, y, z) * (all.upper - all.lower);
+        let Some([_, exit]) = clip(domain, point, towards(first, first_turn)) else { continue };
+        let (start, direction) = (point + towards(first, first_turn) * exit, towards(second, second_turn));
+        let Some(ends) = clip(domain, start, direction) else { continue };
+        chords += 1;
+        near += u32::from(boxes.iter().any(|about| passes(about, start, direction, ends)));
+    }
+    if chords == 0 { f64::from(u8::from(!boxes.is_empty())) } else { f64::from(near) / f64::from(chords) }
+}
+
+/// A unit vector, evenly spread where both numbers are between 0 and 1.
+fn towards(height: f64, turn: f64) -> DVec3 {
+    let (height, (sin, cos)) = (2.0 * height - 1.0, (turn * TAU).sin_cos());
+    let across = (1.0 - height * height).sqrt();
+    DVec3::new(across * cos, across * sin, height)
+}
+
+/// Where a line of the chart enters the cell and leaves it, in units of `direction`; none if it does not meet it, or not leave it.
+fn clip(domain: &Domain, point: DVec3, direction: DVec3) -> Option<[f64; 2]> {
+    let mut ends = [f64::NEG_INFINITY, f64::INFINITY];
+    for face in &domain.faces {
+        let (height, rate) = (face.plane.dot(point.extend(1.0)), face.plane.dot(direction.extend(0.0)));
+        if rate > 0.0 {
+            ends[1] = ends[1].min(-height / rate);
+        } else if rate < 0.0 {
+            ends[0] = ends[0].max(-height / rate);
+        }
+    }
+    (ends[0] < ends[1] && ends.iter().all(|end| end.is_finite())).then_some(ends)
+}
+
+/// Whether a piece of a line meets a box.
+fn passes(about: &Aabb, point: DVec3, direction: DVec3, ends: [f64; 2]) -> bool {
+    let (a, b) = ((about.lower - point) / direction, (about.upper - point) / direction);
+    let enter = a.min(b).max_element().max(ends[0]);
+    let leave = a.max(b).min_element().min(ends[1]);
+    enter <= leave
+}
