@@ -13,28 +13,7 @@
 #include "stage/quadric.glsl"
 #include "stage/mask.glsl"
 #include "stage/hit.glsl"
-
-// A segment in units of the grid: it passes line x of an axis at s = x reciprocal + lower, where a box begins, and + upper,
-// where one ends. An arc lies between its chord and the chord shifted by a quarter of the bend, so a box that is as much
-// larger to the other side is entered by the chord no later than the box is by the arc.
-struct Slabs {
-    vec3 reciprocal;
-    vec3 lower;
-    vec3 upper;
-    uint down; // one bit for each axis along which the segment goes down
-};
-
-Slabs slabs_of(Segment segment, Cell cell) {
-    vec3 origin = (segment.origin - cell.grid_lower) * cell.grid_scale;
-    vec3 bulge = GEO_STRAIGHT ? vec3(0.0) : 0.25 * segment.bend * cell.grid_scale;
-    vec3 direction = segment.direction * cell.grid_scale;
-    // A zero component would make 0 * inf = NaN at a box face; a tiny one behaves as a parallel ray.
-    direction = mix(direction, vec3(1e-20), lessThan(abs(direction), vec3(1e-20)));
-    vec3 reciprocal = 1.0 / direction;
-    uvec3 down = uvec3(lessThan(direction, vec3(0.0)));
-    return Slabs(reciprocal, -reciprocal * (origin + max(bulge, vec3(0.0))), -reciprocal * (origin + min(bulge, vec3(0.0))),
-                 down.x | down.y << 1u | down.z << 2u);
-}
+#include "stage/slabs.glsl"
 
 // Cuts [enter, leave] down to the slabs of four boxes along an axis.
 void slabs_cut(uvec4 lines, float reciprocal, float lower, float upper, inout vec4 enter, inout vec4 leave) {
@@ -124,7 +103,7 @@ uint traverse_together(Segment segment, uint cell, bool any_hit) {
     uint found = IO_NONE;
     uint root = io_cells[cell].root;
     if (root == IO_NONE) return found;
-    Slabs slabs = slabs_of(segment, io_cells[cell]);
+    Slabs slabs = slabs_of(segment, io_cells[cell].grid_lower, io_cells[cell].grid_scale);
     uint down = subgroupBroadcastFirst(slabs.down);
     float s_end = 1.0 + 1e-6;
     uint base = together_stack();
@@ -178,7 +157,7 @@ uint traverse_alone(Segment segment, uint cell, bool any_hit) {
     uint found = IO_NONE;
     uint current = io_cells[cell].root;
     if (current == IO_NONE) return found;
-    Slabs slabs = slabs_of(segment, io_cells[cell]);
+    Slabs slabs = slabs_of(segment, io_cells[cell].grid_lower, io_cells[cell].grid_scale);
     float s_end = 1.0 + 1e-6;
     uint stack[IO_STACK_SIZE];
     stack[0] = IO_NONE;

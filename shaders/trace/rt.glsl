@@ -4,6 +4,7 @@
 #define RT_GLSL
 #extension GL_EXT_control_flow_attributes : require
 #include "trace/payload.glsl"
+#include "stage/slabs.glsl"
 
 layout(location = PAYLOAD) rayPayloadEXT Payload rt_payload;
 
@@ -16,26 +17,10 @@ accelerationStructureEXT rt_scene(uint cell) {
     return accelerationStructureEXT(io_scenes[cell]);
 }
 
-// A segment as its guards see it: it passes x along an axis at s = x reciprocal + lower, where a box begins, and + upper, where
-// one ends. An arc lies between its chord and the chord shifted by a quarter of the bend.
-struct Way {
-    vec3 reciprocal;
-    vec3 lower;
-    vec3 upper;
-};
-
-Way way_of(Segment segment) {
-    vec3 direction = mix(segment.direction, vec3(1e-20), lessThan(abs(segment.direction), vec3(1e-20)));
-    vec3 bulge = GEO_STRAIGHT ? vec3(0.0) : 0.25 * segment.bend;
-    vec3 reciprocal = 1.0 / direction;
-    return Way(reciprocal, -reciprocal * (segment.origin + max(bulge, vec3(0.0))),
-               -reciprocal * (segment.origin + min(bulge, vec3(0.0))));
-}
-
 // Whether a segment comes near a guard.
-bool way_near(Way way, Box guard) {
-    vec3 a = fma(guard.lower, way.reciprocal, way.lower);
-    vec3 b = fma(guard.upper, way.reciprocal, way.upper);
+bool rt_beside(Slabs slabs, Box guard) {
+    vec3 a = fma(guard.lower, slabs.reciprocal, slabs.lower);
+    vec3 b = fma(guard.upper, slabs.reciprocal, slabs.upper);
     vec3 enter = min(a, b);
     vec3 leave = max(a, b);
     return max(max(enter.x, enter.y), max(enter.z, 0.0)) <= min(min(leave.x, leave.y), min(leave.z, 1.0));
@@ -45,11 +30,12 @@ bool way_near(Way way, Box guard) {
 uint rt_near(Segment segment) {
     if (!(IO_MESHES || IO_QUADRICS)) return 0u;
     if (IO_GUARDED == 0u) return IO_KIND_ALL;
-    Way way = way_of(segment);
+    Slabs slabs = slabs_of(segment, vec3(0.0), vec3(1.0));
     bool meshes = false;
     bool quadrics = false;
-    [[unroll]] for (uint i = 0u; i < IO_MESH_GUARDS; i++) meshes = way_near(way, io_guards[i]) || meshes;
-    [[unroll]] for (uint i = 0u; i < IO_QUADRIC_GUARDS; i++) quadrics = way_near(way, io_guards[IO_MESH_GUARDS + i]) || quadrics;
+    [[unroll]] for (uint i = 0u; i < IO_MESH_GUARDS; i++) meshes = rt_beside(slabs, io_guards[i]) || meshes;
+    const uint all = IO_MESH_GUARDS + IO_QUADRIC_GUARDS;
+    [[unroll]] for (uint i = IO_MESH_GUARDS; i < all; i++) quadrics = rt_beside(slabs, io_guards[i]) || quadrics;
     return (IO_KIND_ALL & ~IO_GUARDED) | (meshes ? IO_KIND_MESHES : 0u) | (quadrics ? IO_KIND_QUADRICS : 0u);
 }
 
