@@ -61,11 +61,13 @@ impl Tracer for Compute {
     ) -> Result<(Self, Vec<Bound>), RenderError> {
         let hierarchy = world.hierarchy();
         let cells = pack::cells(world, &hierarchy.trees);
-        let (mut triangles, mut shading, mut quadrics, mut quadric_shading) = Default::default();
         let mut nodes = hierarchy.nodes.clone();
-        if world.plan.uses(Feature::Meshes) {
-            (triangles, shading) = pack::triangles_in_order(world.meshes(), &mut nodes);
-        }
+        let (mut quadrics, mut quadric_shading) = Default::default();
+        let (triangles, shading) = if world.plan.uses(Feature::Meshes) {
+            pack::triangles_in_order(world.meshes(), &mut nodes)
+        } else {
+            Default::default()
+        };
         if world.plan.uses(Feature::Quadrics) {
             quadrics = world.quadrics.iter().map(pack::quadric).collect::<Vec<_>>();
             quadric_shading = world.quadrics.iter().map(pack::quadric_shading).collect::<Vec<_>>();
@@ -73,12 +75,8 @@ impl Tracer for Compute {
         let bound = device.upload(&[
             (binding::cells, "cells", cast_slice(&cells)),
             (binding::nodes, "nodes", cast_slice(&nodes)),
-            (binding::triangles, "triangles", cast_slice::<crate::shader_io::Triangle, u8>(&triangles)),
-            (
-                binding::triangle_shading,
-                "triangle shading",
-                cast_slice::<crate::shader_io::TriangleShading, u8>(&shading),
-            ),
+            (binding::triangles, "triangles", cast_slice(&triangles)),
+            (binding::triangle_shading, "triangle shading", cast_slice(&shading)),
             (binding::quadric_surfaces, "quadrics", cast_slice(&quadrics)),
             (binding::quadric_shading, "quadric shading", cast_slice(&quadric_shading)),
         ])?;

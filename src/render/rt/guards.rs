@@ -43,10 +43,11 @@ impl Guards {
         if !software || world.domain.cells.len() != 1 {
             return guards;
         }
+        let quadrics = if world.quadrics_move() { &[][..] } else { &world.quadrics };
         if world.movers.is_empty() && !world.quadrics_move() {
             guards.kinds |= KIND_MOVING;
         }
-        let quadrics: Vec<Aabb> = world.quadrics.iter().map(|quadric| quadric.bounds).collect();
+        let quadrics: Vec<Aabb> = quadrics.iter().map(|quadric| quadric.bounds).collect();
         let kinds = [(KIND_QUADRICS, quadrics, &mut guards.quadrics), (KIND_MESHES, runs(world), &mut guards.meshes)];
         // Quadrics first: where they have none, all segments are traced, and those about meshes would spare next to nothing.
         for (kind, about, boxes) in kinds {

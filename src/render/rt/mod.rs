@@ -13,6 +13,9 @@
 //! **Curved geodesics.** The device traces the chords of arcs, among boxes about the triangles that are larger by as much
 //! as an arc may bulge; an intersection shader meets the triangles with the arc.
 //!
+//! **Guards** ([`guards`]): where traversal is software, raygen masks out what a segment does not come near, and traces none that
+//! comes near nothing.
+//!
 //! **Moving objects** ([`moving`]) are placed on the device and their structures refitted.
 //!
 //! **The same picture.** Traversal only selects a primitive; the hit itself is computed again from the primitive by the
