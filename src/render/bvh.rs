@@ -449,6 +449,39 @@ fn bin_of(centre: f64, lower: f64, width: f64) -> usize {
 mod tests {
     use super::*;
 
+    /// Names of the primitives in a tree, sorted.
+    fn names(primitives: &[(Aabb, Primitive)], effort: Effort) -> Vec<u32> {
+        let mut nodes = Vec::new();
+        let tree = build(primitives, &mut nodes, effort).expect("there are primitives");
+        let (mut stack, mut names) = (vec![tree.root], Vec::new());
+        while let Some(word) = stack.pop() {
+            assert!(names.len() + stack.len() <= 4 * primitives.len(), "a node is below itself");
+            match Reference::read(word) {
+                Reference::Node(node, _) => stack.extend(nodes[node as usize].children),
+                Reference::Primitive(Primitive::Triangle(name) | Primitive::Quadric(name)) => names.push(name),
+                Reference::Nothing => {}
+            }
+        }
+        names.sort_unstable();
+        names
+    }
+
+    /// Some boxes have no end: balls that reach the horizon.
+    #[test]
+    fn bvh_takes_boxes_without_end() {
+        for everywhere in [0_u32, 7, 23] {
+            let place = |i: u32| DVec3::new(f64::from(i), f64::from(i * i % 7), f64::from(i % 3));
+            let bounds = |i| match i == everywhere {
+                true => Aabb::EVERYTHING,
+                false => Aabb { lower: place(i), upper: place(i) + 0.5 },
+            };
+            let all: Vec<_> = (0..24).map(|i| (bounds(i), Primitive::Quadric(i))).collect();
+            for effort in [Effort::Low, Effort::High] {
+                assert_eq!(names(&all, effort), Vec::from_iter(0..24), "{everywhere}, {effort:?}");
+            }
+        }
+    }
+
     /// Every primitive is in exactly one leaf, inside the boxes above it, and no path is deeper than the stack.
     #[test]
     fn bvh_holds_every_primitive_once() {

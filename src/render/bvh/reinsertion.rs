@@ -11,8 +11,13 @@ const PASSES: usize = 3;
 /// Most branches that are taken out in a pass: the largest, in which most rays are.
 const MOST: usize = 2048;
 
-/// Makes the sum of the areas of all branches smaller. The root stays at its index; children may come behind their parents.
+/// Makes the sum of the areas of all branches smaller, if it is one. The root stays at its index; children may come behind their
+/// parents.
 pub(super) fn improve(branches: &mut [Branch], root: usize) {
+    // Something has no end: no place is better than another.
+    if !branches[root].bounds.half_area().is_finite() {
+        return;
+    }
     let mut tree = Tree { parents: vec![root; branches.len()], branches, root };
     for parent in 0..tree.branches.len() {
         if let Kind::Fork(left, right) = tree.branches[parent].kind {
@@ -84,7 +89,7 @@ impl Tree<'_> {
         let above = self.parents[fork];
         self.replace(above, fork, sibling);
         self.refit(above);
-        let place = self.cheapest(self.branches[branch].bounds);
+        let place = self.cheapest(self.branches[branch].bounds, sibling);
         let above = self.parents[place];
         self.replace(above, place, fork);
         self.branches[fork].kind = Kind::Fork(branch, place);
@@ -113,10 +118,10 @@ impl Tree<'_> {
         }
     }
 
-    /// The branch beside which a box adds least to the sum of all areas.
-    fn cheapest(&self, bounds: Aabb) -> usize {
+    /// The branch, but not the root, beside which a box adds least to the sum of all areas; `otherwise` if there is no such sum.
+    fn cheapest(&self, bounds: Aabb, otherwise: usize) -> usize {
         let least = bounds.half_area();
-        let mut best = (f64::INFINITY, self.root);
+        let mut best = (f64::INFINITY, otherwise);
         let mut places = BinaryHeap::from([Place { added: 0.0, branch: self.root }]);
         while let Some(Place { added, branch }) = places.pop() {
             if added + least >= best.0 {
