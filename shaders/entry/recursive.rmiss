@@ -7,7 +7,7 @@
 layout(location = PAYLOAD) rayPayloadInEXT Payload payload;
 
 void main() {
-    stage_transport(payload.path, io_view[0].bounces, IO_LENGTHS);
+    stage_miss(payload.path, false);
     Segment segment;
     if (payload.path.status != PATH_FLYING || payload.path.segments > io_view[0].bounces
         || !stage_segment(payload.path, walk_limit(), io_view[0].bounces, false, segment)) return;

@@ -6,5 +6,5 @@ layout(location = PAYLOAD) rayPayloadInEXT Payload payload;
 
 void main() {
     payload.path.status = PATH_FLYING;
-    stage_transport(payload.path, IO_SHADOW_BOUNCES, true);
+    stage_miss(payload.path, true);
 }

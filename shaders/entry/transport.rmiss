@@ -5,5 +5,5 @@
 layout(location = PAYLOAD) rayPayloadInEXT Payload payload;
 
 void main() {
-    stage_transport(payload.path, io_view[0].bounces, IO_LENGTHS);
+    stage_miss(payload.path, false);
 }

@@ -302,7 +302,7 @@ bool stage_segment(inout Path path, float limit, uint bounces, bool first, out S
     return true;
 }
 
-// The miss stage: the segment met nothing, so the geodesic moves on to its end and through the face there. Its length is
+// Transport: the segment met nothing, so the geodesic moves on to its end and through the face there. Its length is
 // only summed up if it is `measured`.
 void stage_transport(inout Path path, uint bounces, bool measured) {
     if (IO_INTEGRATOR != IO_INTEGRATOR_EXACT) {
@@ -319,6 +319,11 @@ void stage_transport(inout Path path, uint bounces, bool measured) {
     } else {
         walk_cross(path, g, path.end);
     }
+}
+
+// The miss stage of a pixel's ray or of a shadow ray.
+void stage_miss(inout Path path, bool shadow) {
+    stage_transport(path, shadow ? IO_SHADOW_BOUNCES : io_view[0].bounces, IO_LENGTHS || shadow);
 }
 
 #endif

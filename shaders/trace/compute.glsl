@@ -1,6 +1,6 @@
 // The seam, compute side: traversal of the hierarchy that the host built. It calls the same stages as the entry
 // points of the ray tracing pipeline do: quadric_hit (intersection), stage_is_hole (any-hit), stage_hit_triangle and
-// stage_hit_quadric (closest-hit), stage_transport (miss).
+// stage_hit_quadric (closest-hit), stage_miss.
 #ifndef COMPUTE_GLSL
 #define COMPUTE_GLSL
 #extension GL_KHR_shader_subgroup_basic : require
@@ -217,7 +217,7 @@ void trace_segment(inout Path path, inout Hit hit, Segment segment, bool shadow)
     uint reference = traverse(segment, walk_cell(path), shadow);
     uint index = reference_index(reference);
     if (reference == IO_NONE) {
-        stage_transport(path, shadow ? IO_SHADOW_BOUNCES : io_view[0].bounces, IO_LENGTHS || shadow);
+        stage_miss(path, shadow);
     } else if (shadow) {
         path.status = PATH_HIT;
     } else if (reference_is_quadric(reference)) {

@@ -44,9 +44,7 @@ uint rt_near(Segment segment) {
 void trace_segment(inout Path path, inout Hit hit, Segment segment, bool shadow) {
     uint near = rt_near(segment);
     if (near == 0u) {
-        // As the miss shaders do.
-        if (shadow) stage_transport(path, IO_SHADOW_BOUNCES, true);
-        else stage_transport(path, io_view[0].bounces, IO_LENGTHS);
+        stage_miss(path, shadow);
         return;
     }
     payload_bend(segment);

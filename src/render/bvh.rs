@@ -6,7 +6,7 @@
 //! traversal step reads a cache line and decides about four boxes. Boxes lie on a grid of 2¹⁶ lines per axis over the
 //! cell's content, rounded outwards: half of the memory traffic of f32 boxes for a loss that is smaller than any triangle
 //! worth drawing. Children are sorted along an axis, so that the sign of a direction tells the near ones. A child is a node
-//! or a single primitive.
+//! or a single primitive. The binary tree of what rests is improved before that, by reinsertion.
 
 mod reinsertion;
 
@@ -145,18 +145,13 @@ impl Grid {
 
 /// Appends the tree of primitives to `nodes`, from the box of each. `None` without primitives.
 pub fn build(primitives: &[(Aabb, Primitive)], nodes: &mut Vec<Node>, effort: Effort) -> Option<Tree> {
-    let mut items: Vec<Item> =
-        primitives.iter().map(|&(bounds, primitive)| Item { bounds, centre: bounds.centre(), primitive }).collect();
-    if items.is_empty() {
-        return None;
-    }
-    let grid = Grid::new(bounds(&items));
-    let mut branches = Vec::with_capacity(2 * items.len() - 1);
-    let root = grow(&mut branches, &mut items, 0);
+    let (mut branches, root) = binary(primitives.iter().copied())?;
+    let grid = Grid::new(branches[root].bounds);
     if let Effort::High = effort {
         reinsertion::improve(&mut branches, root);
     }
-    let costs = costs(&branches, root);
+    let mut costs = vec![[0.0; WIDTH]; branches.len()];
+    fill_costs(&mut costs, &branches, root);
     let first = nodes.len();
     let mut collapse = Collapse { branches: &branches, costs: &costs, nodes, grid, levels: 0 };
     let node = match branches[root].kind {
@@ -185,13 +180,9 @@ pub enum Effort {
 /// Boxes in which all of `boxes` are: one, two and so on to `most`, or as many as there are, as small as splits by the surface
 /// area heuristic make them.
 pub fn covers(boxes: &[Aabb], most: usize) -> Vec<Vec<Aabb>> {
-    let item = |&bounds: &Aabb| Item { bounds, centre: bounds.centre(), primitive: Primitive::Quadric(0) };
-    let mut items: Vec<Item> = boxes.iter().map(item).collect();
-    if items.is_empty() {
-        return Vec::new();
-    }
-    let mut branches = Vec::with_capacity(2 * items.len() - 1);
-    let mut cover = vec![grow(&mut branches, &mut items, 0)];
+    let named = boxes.iter().copied().zip((0..).map(Primitive::Quadric));
+    let Some((branches, root)) = binary(named) else { return Vec::new() };
+    let mut cover = vec![root];
     let mut covers = Vec::with_capacity(most);
     while covers.len() < most {
         covers.push(cover.iter().map(|&branch| branches[branch].bounds).collect());
@@ -233,6 +224,14 @@ enum Kind {
     Fork(usize, usize),
 }
 
+/// The binary tree of primitives: its branches and the index of its root; none without primitives.
+fn binary(primitives: impl Iterator<Item = (Aabb, Primitive)>) -> Option<(Vec<Branch>, usize)> {
+    let item = |(bounds, primitive): (Aabb, Primitive)| Item { bounds, centre: bounds.centre(), primitive };
+    let mut items: Vec<Item> = primitives.map(item).collect();
+    let mut branches = Vec::with_capacity(2 * items.len());
+    (!items.is_empty()).then(|| grow(&mut branches, &mut items, 0)).map(|root| (branches, root))
+}
+
 /// Grows the branch of one item or more; returns its index.
 fn grow(branches: &mut Vec<Branch>, items: &mut [Item], depth: u32) -> usize {
     let bounds = bounds(items);
@@ -247,29 +246,17 @@ fn grow(branches: &mut Vec<Branch>, items: &mut [Item], depth: u32) -> usize {
     branches.len() - 1
 }
 
-/// The costs of all branches.
-fn costs(branches: &[Branch], root: usize) -> Vec<Cost> {
-    let mut costs = vec![[0.0; WIDTH]; branches.len()];
-    // Parents before their children.
-    let mut order = vec![root];
-    let mut next = 0;
-    while let Some(&branch) = order.get(next) {
-        if let Kind::Fork(left, right) = branches[branch].kind {
-            order.extend([left, right]);
-        }
-        next += 1;
+/// Notes the costs of a branch and of all below it; those of primitives are 0.
+fn fill_costs(costs: &mut [Cost], branches: &[Branch], branch: usize) {
+    let Kind::Fork(left, right) = branches[branch].kind else { return };
+    fill_costs(costs, branches, left);
+    fill_costs(costs, branches, right);
+    let apart = |count: usize| shares(costs, (left, right), count).0;
+    let mut cost = [branches[branch].bounds.half_area() + apart(WIDTH); WIDTH];
+    for count in 2..=WIDTH {
+        cost[count - 1] = cost[count - 2].min(apart(count));
     }
-    for branch in order.into_iter().rev() {
-        if let Kind::Fork(left, right) = branches[branch].kind {
-            let apart = |count: usize| shares(&costs, (left, right), count).0;
-            let mut cost = [branches[branch].bounds.half_area() + apart(WIDTH); WIDTH];
-            for count in 2..=WIDTH {
-                cost[count - 1] = cost[count - 2].min(apart(count));
-            }
-            costs[branch] = cost;
-        }
-    }
-    costs
+    costs[branch] = cost;
 }
 
 /// The cheapest way to make at most `count` children of two branches: its cost, and how many each gets.
@@ -453,6 +440,7 @@ mod tests {
     fn names(primitives: &[(Aabb, Primitive)], effort: Effort) -> Vec<u32> {
         let mut nodes = Vec::new();
         let tree = build(primitives, &mut nodes, effort).expect("there are primitives");
+        assert!(tree.stack <= STACK_SIZE);
         let (mut stack, mut names) = (vec![tree.root], Vec::new());
         while let Some(word) = stack.pop() {
             assert!(names.len() + stack.len() <= 4 * primitives.len(), "a node is below itself");
@@ -464,6 +452,16 @@ mod tests {
         }
         names.sort_unstable();
         names
+    }
+
+    /// Boxes each inside the next belong in a chain, which is deeper than a stack: then the tree is what splits make of it.
+    #[test]
+    fn bvh_takes_boxes_inside_of_boxes() {
+        let bounds = |i: u32| Aabb { lower: DVec3::splat(-1.01_f64.powi(i as i32)), upper: DVec3::splat(1.0) };
+        let all: Vec<_> = (0..8000).map(|i| (bounds(i), Primitive::Quadric(i))).collect();
+        for effort in [Effort::Low, Effort::High] {
+            assert_eq!(names(&all, effort), Vec::from_iter(0..8000), "{effort:?}");
+        }
     }
 
     /// Some boxes have no end: balls that reach the horizon.

@@ -43,18 +43,19 @@ impl Guards {
         if !software || world.domain.cells.len() != 1 {
             return guards;
         }
-        let quadrics = if world.quadrics_move() { &[][..] } else { &world.quadrics };
-        if world.movers.is_empty() && !world.quadrics_move() {
+        if world.rests() {
             guards.kinds |= KIND_MOVING;
         }
+        let quadrics = if world.quadrics_move() { &[][..] } else { &world.quadrics };
         let quadrics: Vec<Aabb> = quadrics.iter().map(|quadric| quadric.bounds).collect();
-        let kinds = [(KIND_QUADRICS, quadrics, &mut guards.quadrics), (KIND_MESHES, runs(world), &mut guards.meshes)];
-        // Quadrics first: where they have none, all segments are traced, and those about meshes would spare next to nothing.
-        for (kind, about, boxes) in kinds {
-            let Some(best) = best(&world.domain, &about) else { break };
-            guards.kinds |= kind;
-            // With some slack, so that rounding masks out nothing that a segment meets.
-            *boxes = best.iter().map(|about| box_about(about.lower, about.upper, 0.0)).collect();
+        // Where quadrics have none, all segments are traced, and guards about meshes would spare next to nothing.
+        if let Some(boxes) = best(&world.domain, &quadrics) {
+            guards.kinds |= KIND_QUADRICS;
+            guards.quadrics = boxes;
+            if let Some(boxes) = best(&world.domain, &runs(world)) {
+                guards.kinds |= KIND_MESHES;
+                guards.meshes = boxes;
+            }
         }
         guards
     }
@@ -72,14 +73,16 @@ impl Guards {
     }
 }
 
-/// The boxes about all of `about` that make a segment cheapest, if it is worth it: none about nothing.
-fn best(domain: &Domain, about: &[Aabb]) -> Option<Vec<Aabb>> {
+/// The guards about all of `about` that make a segment cheapest, if they are worth it: none about nothing.
+fn best(domain: &Domain, about: &[Aabb]) -> Option<Vec<Box>> {
     if about.is_empty() {
         return Some(Vec::new());
     }
     let cost = |boxes: &[Aabb]| share_near(domain, boxes) + ASKING * boxes.len() as f64;
     let costs = covers(about, MOST).into_iter().map(|boxes| (cost(&boxes), boxes));
-    costs.filter(|(cost, _)| *cost <= WORTH_IT).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, boxes)| boxes)
+    let (_, best) = costs.filter(|(cost, _)| *cost <= WORTH_IT).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    // With some slack, so that rounding masks out nothing that a segment meets.
+    Some(best.iter().map(|about| box_about(about.lower, about.upper, 0.0)).collect())
 }
 
 /// Boxes of the resting triangles, by runs of neighbours: few enough to be split quickly.

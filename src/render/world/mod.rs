@@ -113,9 +113,14 @@ impl World {
         self.quadrics_move
     }
 
+    /// Whether nothing may change from pose to pose.
+    pub fn rests(&self) -> bool {
+        self.movers.is_empty() && !self.quadrics_move
+    }
+
     /// The hierarchies of the cells in this pose.
     pub fn hierarchy(&self) -> &Hierarchy {
-        let effort = if self.movers.is_empty() && !self.quadrics_move { Effort::High } else { Effort::Low };
+        let effort = if self.rests() { Effort::High } else { Effort::Low };
         self.hierarchy.get_or_init(|| Hierarchy::new(&self.domain, self.meshes(), &self.quadrics, effort))
     }
 }
