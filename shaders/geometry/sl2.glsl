@@ -275,7 +275,7 @@ float sl2_frame_length(vec4 p, vec3 dc) {
 // Bound of the third derivative over a step h.
 float sl2_third(float third, float speed, float distance, float h) {
     float distortion = speed * min(0.31 + 2.0 * (distance + h), 2.0);
-    return (third + 6.12 * speed * speed * h) * 2.0 * m_half_exp(distortion * h);
+    return (third + 6.12 * speed * speed * h) * exp(distortion * h);
 }
 
 float geo_arc(Geodesic g, float u_max, float tolerance) {

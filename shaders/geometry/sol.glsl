@@ -2,7 +2,9 @@
 //
 // Points (x, y, z, 1) of the group, vectors in the left-invariant frame, arc length as parameter. Taylor series of
 // z'' = B^2 e^-2z - A^2 e^2z with constant momenta, of order 9 in steps of 1/4: the rest is below the rounding of f32, as each
-// order gains a factor of 2 pi. Short series are written out in full, so that their terms are registers and not memory.
+// order gains a factor of 2 pi. Short series are written out in full, by macros, so that their terms are registers and not
+// memory: loops with loops inside whose ends depend on them are not unrolled, whatever they ask for (8 KB of memory for each
+// ray on an NVIDIA H100, driver 580).
 
 const bool GEO_STRAIGHT = false;
 
@@ -12,6 +14,26 @@ const float SOL_RISE = 1.2840254; // e^SOL_STEP
 const float SOL_HORIZON = 1.0; // longest arc; exits are looked for so far ahead at most
 const float SOL_LONG = 64.0;   // from here on whole periods are counted
 const float SOL_REACH = 85.0;  // beyond it e^z leaves f32
+
+// What is done for each order of a series, upwards with the coefficient that a product of two series has there.
+#define SOL_UPWARDS(DO)                                                                                                  \
+    DO(0, SOL_PRODUCT_0) DO(1, SOL_PRODUCT_1) DO(2, SOL_PRODUCT_2) DO(3, SOL_PRODUCT_3) DO(4, SOL_PRODUCT_4)             \
+    DO(5, SOL_PRODUCT_5) DO(6, SOL_PRODUCT_6) DO(7, SOL_PRODUCT_7) DO(8, SOL_PRODUCT_8) DO(9, SOL_PRODUCT_9)
+#define SOL_DOWNWARDS(DO) DO(9) DO(8) DO(7) DO(6) DO(5) DO(4) DO(3) DO(2) DO(1) DO(0)
+#define SOL_PRODUCT_0(a, b) (a[0] * b[0])
+#define SOL_PRODUCT_1(a, b) (a[0] * b[1] + a[1] * b[0])
+#define SOL_PRODUCT_2(a, b) (a[0] * b[2] + a[1] * b[1] + a[2] * b[0])
+#define SOL_PRODUCT_3(a, b) (a[0] * b[3] + a[1] * b[2] + a[2] * b[1] + a[3] * b[0])
+#define SOL_PRODUCT_4(a, b) (a[0] * b[4] + a[1] * b[3] + a[2] * b[2] + a[3] * b[1] + a[4] * b[0])
+#define SOL_PRODUCT_5(a, b) (a[0] * b[5] + a[1] * b[4] + a[2] * b[3] + a[3] * b[2] + a[4] * b[1] + a[5] * b[0])
+#define SOL_PRODUCT_6(a, b) (a[0] * b[6] + a[1] * b[5] + a[2] * b[4] + a[3] * b[3] + a[4] * b[2]                         \
+    + a[5] * b[1] + a[6] * b[0])
+#define SOL_PRODUCT_7(a, b) (a[0] * b[7] + a[1] * b[6] + a[2] * b[5] + a[3] * b[4] + a[4] * b[3]                         \
+    + a[5] * b[2] + a[6] * b[1] + a[7] * b[0])
+#define SOL_PRODUCT_8(a, b) (a[0] * b[8] + a[1] * b[7] + a[2] * b[6] + a[3] * b[5] + a[4] * b[4]                         \
+    + a[5] * b[3] + a[6] * b[2] + a[7] * b[1] + a[8] * b[0])
+#define SOL_PRODUCT_9(a, b) (a[0] * b[9] + a[1] * b[8] + a[2] * b[7] + a[3] * b[6] + a[4] * b[5]                         \
+    + a[5] * b[4] + a[6] * b[3] + a[7] * b[2] + a[8] * b[1] + a[9] * b[0])
 
 // The series of e^2z, e^-2z and w from the identity.
 struct SolSeries {
@@ -26,7 +48,8 @@ float sol_exp(float x) {
 
 // (e^z x, e^-z y) for a possibly infinite exponential: nothing stays nothing.
 vec2 sol_stretch(float z, vec2 v) {
-    return vec2(v.x == 0.0 ? 0.0 : sol_exp(z) * v.x, v.y == 0.0 ? 0.0 : sol_exp(-z) * v.y);
+    float rise = sol_exp(z);
+    return vec2(v.x == 0.0 ? 0.0 : rise * v.x, v.y == 0.0 ? 0.0 : v.y / rise);
 }
 
 vec3 sol_product(vec3 a, vec3 b) {
@@ -42,18 +65,15 @@ SolSeries sol_series(vec3 v) {
     s.p[0] = 1.0;
     s.q[0] = 1.0;
     s.w[0] = v.z;
-    [[unroll]] for (int k = 0; k < SOL_TERMS - 1; k++) {
-        float pw = 0.0;
-        float qw = 0.0;
-        [[unroll]] for (int j = 0; j <= k; j++) {
-            pw += s.p[j] * s.w[k - j];
-            qw += s.q[j] * s.w[k - j];
-        }
-        float next = float(k + 1);
-        s.w[k + 1] = (v.y * v.y * s.q[k] - v.x * v.x * s.p[k]) / next;
-        s.p[k + 1] = 2.0 * pw / next;
-        s.q[k + 1] = -2.0 * qw / next;
+    vec2 square = v.xy * v.xy;
+#define SOL_NEXT(k, PRODUCT)                                                        \
+    if (k + 1 < SOL_TERMS) {                                                        \
+        const float share = 1.0 / float(k + 1);                                     \
+        s.w[(k + 1) % SOL_TERMS] = (square.y * s.q[k] - square.x * s.p[k]) * share; \
+        s.p[(k + 1) % SOL_TERMS] = PRODUCT(s.p, s.w) * (2.0 * share);               \
+        s.q[(k + 1) % SOL_TERMS] = PRODUCT(s.q, s.w) * (-2.0 * share);              \
     }
+    SOL_UPWARDS(SOL_NEXT)
     return s;
 }
 
@@ -61,10 +81,10 @@ SolSeries sol_series(vec3 v) {
 vec4 sol_chart(SolSeries s, vec3 v, float t) {
     vec3 end = vec3(0.0);
     float bend = 0.0;
-    [[unroll]] for (int k = SOL_TERMS - 1; k >= 0; k--) {
-        end = end * t + vec3(v.x * s.p[k], v.y * s.q[k], s.w[k]) / float(k + 1);
-        if (k > 0) bend = bend * t + s.w[k];
-    }
+#define SOL_SUM(k)                                                                          \
+    end = end * t + vec3(v.x * s.p[k], v.y * s.q[k], s.w[k]) * (1.0 / float(k + 1));        \
+    if (k > 0) bend = bend * t + s.w[k];
+    SOL_DOWNWARDS(SOL_SUM)
     return vec4(end * t, bend * t);
 }
 
@@ -76,23 +96,21 @@ vec4 sol_vary(SolSeries s, vec3 v, vec4 start, float t) {
     dw[0] = start.w;
     vec4 sum = vec4(0.0, 0.0, start.zw);
     float power = t;
-    [[unroll]] for (int k = 0; k < SOL_TERMS; k++) {
-        float pz = 0.0;
-        float qz = 0.0;
-        [[unroll]] for (int j = 0; j <= k; j++) {
-            pz += s.p[j] * dz[k - j];
-            qz += s.q[j] * dz[k - j];
-        }
-        float next = float(k + 1);
-        float bend = 2.0 * (v.y * (start.y * s.q[k] - v.y * qz) - v.x * (start.x * s.p[k] + v.x * pz));
-        vec4 term = vec4(start.x * s.p[k] + 2.0 * v.x * pz, start.y * s.q[k] - 2.0 * v.y * qz, dw[k], bend);
-        sum += term * (power / next);
-        if (k + 1 < SOL_TERMS) {
-            dz[k + 1] = dw[k] / next;
-            dw[k + 1] = bend / next;
-        }
-        power *= t;
+    vec4 weights = vec4(start.xy, 2.0 * v.x, -2.0 * v.y);
+    vec4 bends = vec4(-2.0 * v.x * start.x, 2.0 * v.y * start.y, -2.0 * v.x * v.x, -2.0 * v.y * v.y);
+#define SOL_VARY(k, PRODUCT)                                                                              \
+    {                                                                                                     \
+        const float share = 1.0 / float(k + 1);                                                           \
+        float pz = PRODUCT(s.p, dz);                                                                      \
+        float qz = PRODUCT(s.q, dz);                                                                      \
+        float bend = bends.x * s.p[k] + bends.y * s.q[k] + bends.z * pz + bends.w * qz;                   \
+        vec2 side = weights.xy * vec2(s.p[k], s.q[k]) + weights.zw * vec2(pz, qz);                        \
+        sum += vec4(side, dw[k], bend) * (power * share);                                                 \
+        power *= t;                                                                                       \
+        dz[(k + 1) % SOL_TERMS] = dw[k] * share;                                                          \
+        dw[(k + 1) % SOL_TERMS] = bend * share;                                                           \
     }
+    SOL_UPWARDS(SOL_VARY)
     return sum;
 }
 
@@ -107,11 +125,15 @@ vec3 sol_velocity(SolTrack track) {
     return vec3(sol_stretch(track.point.z, track.start.xy), track.w);
 }
 
-void sol_step(inout SolTrack track, float t) {
-    vec3 v = sol_velocity(track);
-    vec4 end = sol_chart(sol_series(v), v, t);
+// Takes a step to `end`, in coordinates about its start, with the change of w.
+void sol_take(inout SolTrack track, vec4 end) {
     track.point = sol_product(track.point, end.xyz);
     track.w += end.w;
+}
+
+void sol_step(inout SolTrack track, float t) {
+    vec3 v = sol_velocity(track);
+    sol_take(track, sol_chart(sol_series(v), v, t));
 }
 
 float sol_count(float t) {
@@ -119,9 +141,11 @@ float sol_count(float t) {
 }
 
 SolTrack sol_walk(vec3 v, float t) {
-    SolTrack track = SolTrack(v, vec3(0.0), v.z);
     float count = sol_count(t);
-    for (float k = 0.0; k < count; k++) sol_step(track, t / count);
+    // Most ways are so short that the first step, from the identity, is the only one.
+    vec4 end = sol_chart(sol_series(v), v, t / count);
+    SolTrack track = SolTrack(v, end.xyz, v.z + end.w);
+    for (float k = 1.0; k < count; k++) sol_step(track, t / count);
     return track;
 }
 
@@ -131,6 +155,18 @@ float sol_period(vec3 v) {
     vec2 means = vec2(sqrt(dot(v, v) + 2.0 * k), 2.0 * sqrt(k));
     for (int i = 0; i < 12; i++) means = vec2(0.5 * (means.x + means.y), sqrt(means.x * means.y));
     return means.y > 0.0 ? 2.0 * M_PI / means.y : M_INFINITY;
+}
+
+// The change of a track's end by a variation, in the frame there.
+vec3 sol_varied(SolTrack track, vec4 varied) {
+    return vec3(sol_stretch(-track.point.z, varied.xy), varied.z);
+}
+
+// A step of a variation of a track: (x, y, z, w) for a change of its start that changes the momenta by (dA, dB). `rise` is
+// e^z where the step starts, `here` the velocity there.
+void sol_vary_step(SolSeries series, vec3 here, float rise, vec2 momenta, float h, inout vec4 varied) {
+    vec4 next = sol_vary(series, here, vec4(momenta.x * rise, momenta.y / rise, varied.zw), h);
+    varied = vec4(varied.x + rise * next.x, varied.y + next.y / rise, next.zw);
 }
 
 // End of exp(t v), and the differential of the exponential map at t v in the frames of both ends.
@@ -149,16 +185,10 @@ vec3 sol_differential(vec3 v, float t, out mat3 differential) {
         vec3 here = sol_velocity(track);
         SolSeries series = sol_series(here);
         float rise = sol_exp(track.point.z);
-        [[unroll]] for (int i = 0; i < 3; i++) {
-            vec2 momenta = vec2(i == 0 ? rise : 0.0, i == 1 ? 1.0 / rise : 0.0);
-            vec4 next = sol_vary(series, here, vec4(momenta, varied[i].zw), h);
-            varied[i] = vec4(varied[i].x + rise * next.x, varied[i].y + next.y / rise, next.zw);
-        }
-        vec4 end = sol_chart(series, here, h);
-        track.point = sol_product(track.point, end.xyz);
-        track.w += end.w;
+        [[unroll]] for (int i = 0; i < 3; i++) sol_vary_step(series, here, rise, vec2(i == 0, i == 1), h, varied[i]);
+        sol_take(track, sol_chart(series, here, h));
     }
-    [[unroll]] for (int i = 0; i < 3; i++) differential[i] = vec3(sol_stretch(-track.point.z, varied[i].xy), varied[i].z) / t;
+    [[unroll]] for (int i = 0; i < 3; i++) differential[i] = sol_varied(track, varied[i]) / t;
     return track.point;
 }
 
@@ -230,10 +260,30 @@ float geo_closeness(vec4 p, vec4 q) {
 }
 
 float geo_area_density(Geodesic g, float t) {
-    mat3 m;
+    // The differential of the exponential map takes the velocity to that at the end, so its determinant is known from two
+    // more columns: those of the axes that lie farthest from the velocity.
     vec3 v = g.velocity.xyz;
-    sol_differential(v, t, m);
-    return length(cross(m[1], m[2]) * v.x + cross(m[2], m[0]) * v.y + cross(m[0], m[1]) * v.z) * t * t;
+    if (!(abs(t) <= SOL_REACH)) return M_INFINITY;
+    vec3 size = abs(v);
+    bool most_x = size.x >= max(size.y, size.z);
+    bool most_y = !most_x && size.y >= size.z;
+    vec3 a = most_x ? vec3(0.0, 1.0, 0.0) : vec3(1.0, 0.0, 0.0);
+    vec3 b = most_x || most_y ? vec3(0.0, 0.0, 1.0) : vec3(0.0, 1.0, 0.0);
+    float count = sol_count(t);
+    float h = t / count;
+    SolTrack track = SolTrack(v, vec3(0.0), v.z);
+    vec4 change_a = vec4(0.0, 0.0, 0.0, a.z);
+    vec4 change_b = vec4(0.0, 0.0, 0.0, b.z);
+    for (float k = 0.0; k < count; k++) {
+        vec3 here = sol_velocity(track);
+        SolSeries series = sol_series(here);
+        float rise = sol_exp(track.point.z);
+        sol_vary_step(series, here, rise, a.xy, h, change_a);
+        sol_vary_step(series, here, rise, b.xy, h, change_b);
+        sol_take(track, sol_chart(series, here, h));
+    }
+    vec3 across = cross(sol_varied(track, change_a), sol_varied(track, change_b));
+    return abs(dot(sol_velocity(track), across)) / max(size.x, max(size.y, size.z));
 }
 
 float geo_length(Geodesic g, float u) {
@@ -260,38 +310,45 @@ float geo_exit(Geodesic g, vec4 plane, float reach) {
     if (on_face && dot(n, g.velocity.xyz) > IO_ALONG_FACE) return 0.0;
     float start = on_face ? -IO_ON_FACE + min(value, 0.0) : value;
     SolTrack track = SolTrack(g.velocity.xyz, vec3(0.0), g.velocity.z);
+    vec3 v = g.velocity.xyz;
     float limit = min(reach, SOL_HORIZON);
-    for (float travelled = 0.0; travelled < limit; travelled += SOL_STEP) {
+    for (float travelled = 0.0; travelled < limit;) {
         float last = min(limit - travelled, SOL_STEP);
-        vec3 v = sol_velocity(track);
         SolSeries series = sol_series(v);
         // In coordinates about the step's start |x''| = 2|uw| e^z with |uw| <= 1/2, and |z''| <= 1.
-        n = vec3(sol_stretch(g.point.z + track.point.z, plane.xy), plane.z);
         float bend = (abs(n.x) + abs(n.y)) * SOL_RISE + abs(n.z);
+        // Of the form along the step, without its constant.
         float terms[SOL_TERMS];
-        [[unroll]] for (int k = 0; k < SOL_TERMS; k++) terms[k] = dot(n, vec3(v.x * series.p[k], v.y * series.q[k], series.w[k]));
+#define SOL_FORM(k, PRODUCT) \
+        terms[k] = dot(n, vec3(v.x * series.p[k], v.y * series.q[k], series.w[k])) * (1.0 / float(k + 1));
+        SOL_UPWARDS(SOL_FORM)
         float s = 0.0;
         float before = -1.0;
         for (int i = 0; i < 256 && s <= last; i++) {
             float f = 0.0;
             float rate = 0.0;
-            [[unroll]] for (int k = SOL_TERMS - 1; k >= 0; k--) {
-                f = f * s + terms[k] / float(k + 1);
-                rate = rate * s + terms[k];
-            }
+#define SOL_HORNER(k)       \
+            rate = rate * s + f; \
+            f = f * s + terms[k];
+            SOL_DOWNWARDS(SOL_HORNER)
+            rate = rate * s + f;
             f = f * s + start;
             // A stride has gone too far by a stride at most, along a plane that is as close as its rounding.
             if (f >= 0.0) return travelled + (before >= 0.0 ? before : s);
             float step = m_safe_step(f, rate, bend);
-            if (step <= 6e-8 * (1.0 + s)) return travelled + s;
+            // Another step would go on by bend step^2 / rate at most.
+            if (step <= 6e-8 * (1.0 + s) || bend * step * step <= 6e-8 * rate) return travelled + s + step;
             bool stride = i > M_PATIENCE && step < M_STRIDE;
             before = stride ? s : -1.0;
             s += stride ? M_STRIDE : step;
         }
+        travelled += SOL_STEP;
+        if (travelled >= limit) break;
         vec4 end = sol_chart(series, v, SOL_STEP);
         start += dot(n, end.xyz);
-        track.point = sol_product(track.point, end.xyz);
-        track.w += end.w;
+        sol_take(track, end);
+        v = sol_velocity(track);
+        n = vec3(sol_stretch(g.point.z + track.point.z, plane.xy), plane.z);
     }
     return M_INFINITY;
 }
@@ -306,8 +363,8 @@ float geo_arc(Geodesic g, float u_max, float tolerance) {
     float upper = limit;
     float lower = 0.0;
     for (int i = 0; i < M_ARC_STEPS; i++) {
-        lower = m_arc((third + 2.93 * upper) * sol_exp(upper), tolerance, limit);
-        upper = m_arc((third + 2.93 * lower) * sol_exp(lower), tolerance, limit);
+        lower = m_arc((third + 2.93 * upper) * exp(upper), tolerance, limit);
+        upper = m_arc((third + 2.93 * lower) * exp(lower), tolerance, limit);
     }
     return lower;
 }

@@ -70,7 +70,7 @@ float m_half_exp(float x) {
     r = r + k * 2.12194440054690583e-4;
     float p = 1.0 + r * (1.0 + r * (0.5 + r * (1.66666667e-1 + r * (4.16666667e-2 + r * (8.33333333e-3 + r * (1.38888889e-3 + r * 1.98412698e-4))))));
     if (k > 127.0) return k > 129.0 ? M_INFINITY : ldexp(p, 120) * exp2(k - 121.0);
-    return k < -124.0 ? 0.0 : ldexp(p, int(k) - 1);
+    return k < -124.0 ? 0.0 : p * uintBitsToFloat(uint(int(k) + 126) << 23u);
 }
 
 // (sinh x, cosh x).

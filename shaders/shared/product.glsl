@@ -169,7 +169,7 @@ float product_third(float t, float lean, float start, float c) {
     float growth = (start + 1.1 * c * c * t) / (1.0 - max(PRODUCT_CURVATURE, 0.0) * 1.1 * start * t);
     if (PRODUCT_CURVATURE < 0.0) growth = min(growth, c);
     float third = max(6.0 * growth * growth + 2.0 * PRODUCT_CURVATURE * c * c, 2.0 * c * c);
-    return lean * third * 2.0 * m_half_exp(2.0 * growth * t);
+    return lean * third * exp(2.0 * growth * t);
 }
 
 float geo_arc(Geodesic g, float u_max, float tolerance) {
