@@ -200,24 +200,27 @@ void walk_test_face(Geodesic g, uint face, vec4 plane, Segment segment, float ma
     if (walk_test_side(g, face, plane, segment, margin, faces)) walk_test_exit(g, face, plane, faces);
 }
 
-// Tests the faces of the only cell: a known number, in a known place.
-void walk_test_only_cell(Geodesic g, Segment segment, float margin, inout Faces faces) {
+// The faces that an invocation goes through in a loop, a bit for each: those it is near. Invocations that go together take those
+// of all of them, so that the numbers of a face are read once.
+uint walk_near_faces(uint near) {
 #ifdef WALK_TOGETHER
-    if (!GEO_STRAIGHT && IO_TOGETHER > 0u) {
-        // Software takes all branches: it looks for exits, which is dear, only by the faces that one of a subgroup is near.
-        uint near = 0u;
-        [[unroll]] for (uint face = 0u; face < IO_FACES; face++) {
-            if (walk_test_side(g, face, io_planes[face], segment, margin, faces)) near |= 1u << face;
-        }
-        for (uint left = subgroupOr(near); left != 0u; left &= left - 1u) {
-            uint face = uint(findLSB(left));
-            if (((near >> face) & 1u) != 0u) walk_test_exit(g, face, io_faces[face].plane, faces);
-        }
-        return;
-    }
+    if (IO_TOGETHER > 0u) return subgroupOr(near);
 #endif
+    return near;
+}
+
+// Tests the faces of the only cell: a known number, in a known place. Exits from arcs are dear, and most arcs are near no face:
+// they are looked for only by the faces that an arc is near, one after the other.
+void walk_test_only_cell(Geodesic g, Segment segment, float margin, inout Faces faces) {
+    uint near = 0u;
     [[unroll]] for (uint face = 0u; face < IO_FACES; face++) {
-        walk_test_face(g, face, io_planes[face], segment, margin, faces);
+        bool tested = walk_test_side(g, face, io_planes[face], segment, margin, faces);
+        if (GEO_STRAIGHT) walk_test_exit(g, face, io_planes[face], faces);
+        else if (tested) near |= 1u << face;
+    }
+    for (uint left = walk_near_faces(near); left != 0u; left &= left - 1u) {
+        uint face = uint(findLSB(left));
+        if (((near >> face) & 1u) != 0u) walk_test_exit(g, face, io_faces[face].plane, faces);
     }
 }
 
