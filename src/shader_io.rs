@@ -182,7 +182,17 @@ structures! {
         /// behind the last.
         light_lists: uint,
         /// Unused.
-        padding: uvec3,
+        padding: uint,
+        /// Device address of the cell's acceleration structure.
+        scene: uvec2,
+        /// Lower corner of the voxels, in the chart.
+        voxel_lower: vec3,
+        /// Their first word in `voxels`, or [`NONE`] if the cell has none.
+        voxels: uint,
+        /// Voxels of the finest level per unit of the chart along each axis.
+        voxel_scale: vec3,
+        /// Unused.
+        more_padding: uint,
     }
 
     /// Node of a hierarchy: the boxes of its four children on the cell's grid, a cache line.
@@ -433,6 +443,10 @@ numbers! {
     WRAP_MIRROR: uint = 2;
     /// Most faces of an only cell whose tests are unrolled: dodecahedra have 12, and code grows with each.
     UNROLLED_FACES: uint = 16;
+    /// Voxels of a cell along an axis, on the finest level; each further level has half as many.
+    VOXELS: uint = 64;
+    /// Levels of voxels.
+    VOXEL_LEVELS: uint = 5;
     /// Depth of the traversal stack. The builder keeps trees below it.
     STACK_SIZE: uint = 96;
     /// Passages that reduction may take after a crossing before it gives up; a state that needs more has left
@@ -747,8 +761,8 @@ bindings! {
     15 probe_in: readonly ProbeIn;
     /// Results of the probe.
     16 probe_out: writeonly ProbeOut;
-    /// Device address of each cell's acceleration structure.
-    18 scenes: readonly uvec2;
+    /// Voxels of the cells: a bit for each, level by level (`src/render/world/voxels.rs`).
+    18 voxels: readonly uint;
     /// Vertices of moving meshes at rest.
     19 rest: readonly RestVertex;
     /// Their corners: three indices for each triangle.

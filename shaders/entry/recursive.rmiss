@@ -13,7 +13,7 @@ void main() {
         || !stage_segment(payload.path, walk_limit(), io_view[0].bounces, false, segment)) return;
     count(IO_COUNT_SEGMENTS);
     payload_bend(segment);
-    traceRayEXT(accelerationStructureEXT(io_scenes[walk_cell(payload.path)]),
+    traceRayEXT(accelerationStructureEXT(io_cells[walk_cell(payload.path)].scene),
                 IO_ALPHA_MASK ? gl_RayFlagsNoneEXT : gl_RayFlagsOpaqueEXT, 0xffu, 0u, 1u, MISS_PRIMARY,
                 segment.origin, 0.0, segment.direction, 1.0, PAYLOAD);
 }

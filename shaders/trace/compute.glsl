@@ -14,6 +14,7 @@
 #include "stage/mask.glsl"
 #include "stage/hit.glsl"
 #include "stage/slabs.glsl"
+#include "stage/voxels.glsl"
 
 // Cuts [enter, leave] down to the slabs of four boxes along an axis.
 void slabs_cut(uvec4 lines, float reciprocal, float lower, float upper, inout vec4 enter, inout vec4 leave) {
@@ -214,7 +215,8 @@ uint traverse(Segment segment, uint cell, bool any_hit) {
 
 // Traces one segment of a pixel's ray, which closest-hit or miss follows, or of a shadow ray, which a hit ends.
 void trace_segment(inout Path path, inout Hit hit, Segment segment, bool shadow) {
-    uint reference = traverse(segment, walk_cell(path), shadow);
+    uint reference = IO_NONE;
+    if (voxels_near(segment, walk_cell(path))) reference = traverse(segment, walk_cell(path), shadow);
     uint index = reference_index(reference);
     if (reference == IO_NONE) {
         stage_miss(path, shadow);

@@ -14,7 +14,7 @@ const uint RT_SHADOW_FLAGS = RT_FLAGS | gl_RayFlagsTerminateOnFirstHitEXT | gl_R
 
 // What is in a cell. Cells have charts of their own, so each has an acceleration structure of its own.
 accelerationStructureEXT rt_scene(uint cell) {
-    return accelerationStructureEXT(io_scenes[cell]);
+    return accelerationStructureEXT(io_cells[cell].scene);
 }
 
 // Whether a segment comes near a guard.

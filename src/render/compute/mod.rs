@@ -60,7 +60,7 @@ impl Tracer for Compute {
         last: Option<Self>,
     ) -> Result<(Self, Vec<Bound>), RenderError> {
         let hierarchy = world.hierarchy();
-        let cells = pack::cells(world, &hierarchy.trees);
+        let cells = pack::cells(world, hierarchy, &[]);
         let mut nodes = hierarchy.nodes.clone();
         let (mut quadrics, mut quadric_shading) = Default::default();
         let (triangles, shading) = if world.plan.uses(Feature::Meshes) {
@@ -75,6 +75,7 @@ impl Tracer for Compute {
         let bound = device.upload(&[
             (binding::cells, "cells", cast_slice(&cells)),
             (binding::nodes, "nodes", cast_slice(&nodes)),
+            (binding::voxels, "voxels", cast_slice(&hierarchy.voxels.words)),
             (binding::triangles, "triangles", cast_slice(&triangles)),
             (binding::triangle_shading, "triangle shading", cast_slice(&shading)),
             (binding::quadric_surfaces, "quadrics", cast_slice(&quadrics)),

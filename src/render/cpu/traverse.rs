@@ -122,7 +122,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
         counts: &mut Counts,
         crossed: impl FnMut(usize),
     ) -> Option<Surface> {
-        match self.traverse(segment, self.hierarchy.trees[path.cell], false, counts) {
+        match self.traverse(segment, path.cell, false, counts) {
             Some(reference) => {
                 let surface = self.stage_closest_hit(path, segment, reference);
                 (path.status == Status::Hit).then_some(surface)
@@ -136,7 +136,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
 
     /// Traces one segment of a shadow ray: a hit ends it, a miss transports it.
     pub(super) fn trace_shadow_segment(&self, path: &mut Path, segment: Segment, counts: &mut Counts) {
-        if self.traverse(segment, self.hierarchy.trees[path.cell], true, counts).is_some() {
+        if self.traverse(segment, path.cell, true, counts).is_some() {
             path.status = Status::Hit;
         } else {
             self.transport(path, SHADOW_BOUNCES, |_| ());
@@ -160,13 +160,13 @@ impl<'a, G: Geometry> Tracer<'a, G> {
         }
     }
 
-    /// Walks the hierarchy front to back and returns the primitive hit; with `any_hit` the first one found will do.
-    fn traverse(&self, segment: Segment, tree: Option<Tree>, any_hit: bool, counts: &mut Counts) -> Option<Primitive> {
+    /// Walks the hierarchy of a cell front to back and returns the primitive hit; with `any_hit` the first one found will do.
+    fn traverse(&self, segment: Segment, cell: usize, any_hit: bool, counts: &mut Counts) -> Option<Primitive> {
         let mut hit = None;
-        if !(self.uses.meshes || self.uses.quadrics) {
+        if !(self.uses.meshes || self.uses.quadrics) || !G::STRAIGHT && !self.hierarchy.voxels.near(cell, &segment) {
             return hit;
         }
-        let Tree { root, grid, .. } = tree?;
+        let Tree { root, grid, .. } = self.hierarchy.trees[cell]?;
         let slabs = Slabs::new::<G>(segment, grid);
         let mut s_end = 1.0 + 1e-12;
         let mut stack = [0_u32; STACK_SIZE as usize];

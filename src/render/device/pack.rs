@@ -3,9 +3,9 @@
 use crate::{
     geometry::Isometry,
     render::{
-        bvh::{Primitive, Reference, Tree},
+        bvh::{Primitive, Reference},
         plan::Feature,
-        world::{World, WorldQuadric, meshes::Meshes},
+        world::{World, WorldQuadric, hierarchy::Hierarchy, meshes::Meshes},
     },
     scene::{Material, Wrap, coordinate_ramp},
     shader_io::{self as io, NONE, binding},
@@ -98,11 +98,13 @@ impl Common {
     }
 }
 
-/// The cells; `trees` are their hierarchies, empty for pipelines that traverse otherwise.
-pub fn cells(world: &World, trees: &[Option<Tree>]) -> Vec<io::Cell> {
+/// The cells, with their hierarchies and the addresses of their acceleration structures: either is empty for pipelines that
+/// traverse otherwise.
+pub fn cells(world: &World, hierarchy: &Hierarchy, scenes: &[io::types::uvec2]) -> Vec<io::Cell> {
     let cell = |(index, faces): (usize, &Range<usize>)| {
         let lights = world.lights.grids[index];
-        let tree = trees.get(index).copied().flatten();
+        let tree = hierarchy.trees.get(index).copied().flatten();
+        let voxels = hierarchy.voxels.grids.get(index).copied().flatten();
         io::Cell {
             first_face: faces.start as u32,
             face_count: faces.len() as u32,
@@ -113,6 +115,10 @@ pub fn cells(world: &World, trees: &[Option<Tree>]) -> Vec<io::Cell> {
             light_scale: vec3(lights.scale),
             light_boxes: lights.boxes,
             light_lists: lights.first,
+            scene: scenes.get(index).copied().unwrap_or_default(),
+            voxel_lower: voxels.map_or([0.0; 3], |voxels| vec3(voxels.lower)),
+            voxel_scale: voxels.map_or([1.0; 3], |voxels| vec3(voxels.scale)),
+            voxels: voxels.map_or(NONE, |voxels| voxels.first),
             ..io::Cell::default()
         }
     };

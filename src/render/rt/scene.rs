@@ -8,6 +8,7 @@ use super::{
         plan::Feature,
         world::{
             World,
+            hierarchy::Hierarchy,
             meshes::{MeshCopy, Part},
         },
     },
@@ -127,11 +128,10 @@ impl RtScene {
     /// Driver failures; worlds beyond the device's limits.
     pub fn build(device: &mut Device, world: &World, guards: &Guards) -> Result<Built, RenderError> {
         let mut records = Vec::new();
-        let mut bound = device.upload(&[
-            (binding::cells, "cells", cast_slice(&pack::cells(world, &[]))),
-            (binding::guards, "guards", cast_slice(&guards.boxes())),
-        ])?;
+        let mut bound = device.upload(&[(binding::guards, "guards", cast_slice(&guards.boxes()))])?;
         if !world.plan.uses(Feature::Meshes) && !world.plan.uses(Feature::Quadrics) {
+            let cells = pack::cells(world, &Hierarchy::default(), &[]);
+            bound.extend(device.upload(&[(binding::cells, "cells", cast_slice(&cells))])?);
             return Ok(Built { scene: None, bound, records });
         }
         let mut stats = StructureStats::default();
@@ -162,7 +162,8 @@ impl RtScene {
             tops.push(TopLevel::new(&device.context, &format!("cell {cell}"), capacity)?);
         }
         let addresses: Vec<uvec2> = tops.iter().map(TopLevel::address).collect();
-        bound.extend(device.upload(&[(binding::scenes, "scenes", cast_slice(&addresses))])?);
+        let cells = pack::cells(world, &Hierarchy::default(), &addresses);
+        bound.extend(device.upload(&[(binding::cells, "cells", cast_slice(&cells))])?);
         let mut scene = Self { still, quadrics, moving, boxes, tops, stats };
         scene.moving.pose(device, world, &mut scene.stats)?;
         scene.build_tops(device)?;

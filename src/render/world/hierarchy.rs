@@ -1,6 +1,6 @@
 //! Bounding volume hierarchies of the cells, for the backends that traverse themselves.
 
-use super::{Meshes, WorldQuadric};
+use super::{Meshes, WorldQuadric, voxels::Voxels};
 use crate::{
     render::bvh::{self, Aabb, Effort, Primitive, Tree},
     shader_io::Node,
@@ -16,12 +16,17 @@ pub struct Hierarchy {
     pub stack: u32,
     /// For each cell, its hierarchy, if it has anything in it.
     pub trees: Vec<Option<Tree>>,
+    /// Voxels of the cells, where geodesics are curved: without, segments are as long as cells.
+    pub voxels: Voxels,
 }
 
 impl Hierarchy {
     /// Builds the hierarchies of all cells.
-    pub fn new(domain: &Domain, meshes: &Meshes, quadrics: &[WorldQuadric], effort: Effort) -> Self {
+    pub fn new(domain: &Domain, meshes: &Meshes, quadrics: &[WorldQuadric], effort: Effort, straight: bool) -> Self {
         let mut hierarchy = Self::default();
+        if !straight {
+            hierarchy.voxels = Voxels::new(domain, meshes, quadrics);
+        }
         for cell in 0..domain.cells.len() {
             let triangles = meshes
                 .inside(domain, cell)

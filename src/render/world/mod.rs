@@ -14,6 +14,7 @@ pub mod meshes;
 mod place;
 mod shapes;
 pub mod tessellate;
+pub mod voxels;
 
 use crate::{
     geometry::{Geometry, GeometryId, Quadric, Visitor, visit},
@@ -121,7 +122,8 @@ impl World {
     /// The hierarchies of the cells in this pose.
     pub fn hierarchy(&self) -> &Hierarchy {
         let effort = if self.rests() { Effort::High } else { Effort::Low };
-        self.hierarchy.get_or_init(|| Hierarchy::new(&self.domain, self.meshes(), &self.quadrics, effort))
+        let straight = self.geometry.is_straight();
+        self.hierarchy.get_or_init(|| Hierarchy::new(&self.domain, self.meshes(), &self.quadrics, effort, straight))
     }
 }
 
