@@ -218,6 +218,7 @@ void walk_test_only_cell(Geodesic g, Segment segment, float margin, inout Faces 
         if (GEO_STRAIGHT) walk_test_exit(g, face, io_planes[face], faces);
         else if (tested) near |= 1u << face;
     }
+    if (GEO_STRAIGHT) return;
     for (uint left = walk_near_faces(near); left != 0u; left &= left - 1u) {
         uint face = uint(findLSB(left));
         if (((near >> face) & 1u) != 0u) walk_test_exit(g, face, io_faces[face].plane, faces);
