@@ -3,7 +3,7 @@
 // Points (x, y, z, 1) of the group, vectors in the left-invariant frame, arc length as parameter. Taylor series of
 // z'' = B^2 e^-2z - A^2 e^2z with constant momenta, of order 9 in steps of 1/4: the rest is below the rounding of f32, as each
 // order gains a factor of 2 pi. Short series are written out in full, by macros, so that their terms are registers and not
-// memory: loops with loops inside whose ends depend on them are not unrolled, whatever they ask for (8 KB of memory for each
+// memory: loops with loops inside whose ends depend on them are not unrolled, whatever they ask for (10 KB of memory for each
 // ray on an NVIDIA H100, driver 580).
 
 const bool GEO_STRAIGHT = false;
