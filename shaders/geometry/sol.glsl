@@ -169,7 +169,8 @@ void sol_vary_step(SolSeries series, vec3 here, float rise, vec2 momenta, float 
     varied = vec4(varied.x + rise * next.x, varied.y + next.y / rise, next.zw);
 }
 
-// End of exp(t v), and the differential of the exponential map at t v in the frames of both ends.
+// End of exp(t v), and the differential of the exponential map at t v in the frames of both ends. It takes v to the velocity
+// at the end, so two more of its images say all: those of the axes that lie farthest from v.
 vec3 sol_differential(vec3 v, float t, out mat3 differential) {
     differential = mat3(1.0);
     SolTrack track = SolTrack(v, vec3(0.0), v.z);
@@ -178,17 +179,27 @@ vec3 sol_differential(vec3 v, float t, out mat3 differential) {
         differential = mat3(M_INFINITY);
         return vec3(M_INFINITY);
     }
+    vec3 size = abs(v);
+    bool most_x = size.x >= max(size.y, size.z);
+    bool most_y = !most_x && size.y >= size.z;
+    vec3 along = most_x ? vec3(1.0, 0.0, 0.0) : most_y ? vec3(0.0, 1.0, 0.0) : vec3(0.0, 0.0, 1.0);
+    mat3 axes = mat3(along, along.zxy, along.yzx);
     float count = sol_count(t);
     float h = t / count;
-    vec4 varied[3] = vec4[3](vec4(0.0), vec4(0.0), vec4(0.0, 0.0, 0.0, 1.0));
+    vec4 varied[2] = vec4[2](vec4(0.0, 0.0, 0.0, axes[1].z), vec4(0.0, 0.0, 0.0, axes[2].z));
     for (float k = 0.0; k < count; k++) {
         vec3 here = sol_velocity(track);
         SolSeries series = sol_series(here);
         float rise = sol_exp(track.point.z);
-        [[unroll]] for (int i = 0; i < 3; i++) sol_vary_step(series, here, rise, vec2(i == 0, i == 1), h, varied[i]);
+        sol_vary_step(series, here, rise, axes[1].xy, h, varied[0]);
+        sol_vary_step(series, here, rise, axes[2].xy, h, varied[1]);
         sol_take(track, sol_chart(series, here, h));
     }
-    [[unroll]] for (int i = 0; i < 3; i++) differential[i] = sol_varied(track, varied[i]) / t;
+    vec3 shares = v * axes;
+    vec3 second = sol_varied(track, varied[0]) / t;
+    vec3 third = sol_varied(track, varied[1]) / t;
+    vec3 first = (sol_velocity(track) - shares.y * second - shares.z * third) / shares.x;
+    differential = mat3(first, second, third) * transpose(axes);
     return track.point;
 }
 
@@ -260,30 +271,11 @@ float geo_closeness(vec4 p, vec4 q) {
 }
 
 float geo_area_density(Geodesic g, float t) {
-    // The differential of the exponential map takes the velocity to that at the end, so its determinant is known from two
-    // more columns: those of the axes that lie farthest from the velocity.
-    vec3 v = g.velocity.xyz;
     if (!(abs(t) <= SOL_REACH)) return M_INFINITY;
-    vec3 size = abs(v);
-    bool most_x = size.x >= max(size.y, size.z);
-    bool most_y = !most_x && size.y >= size.z;
-    vec3 a = most_x ? vec3(0.0, 1.0, 0.0) : vec3(1.0, 0.0, 0.0);
-    vec3 b = most_x || most_y ? vec3(0.0, 0.0, 1.0) : vec3(0.0, 1.0, 0.0);
-    float count = sol_count(t);
-    float h = t / count;
-    SolTrack track = SolTrack(v, vec3(0.0), v.z);
-    vec4 change_a = vec4(0.0, 0.0, 0.0, a.z);
-    vec4 change_b = vec4(0.0, 0.0, 0.0, b.z);
-    for (float k = 0.0; k < count; k++) {
-        vec3 here = sol_velocity(track);
-        SolSeries series = sol_series(here);
-        float rise = sol_exp(track.point.z);
-        sol_vary_step(series, here, rise, a.xy, h, change_a);
-        sol_vary_step(series, here, rise, b.xy, h, change_b);
-        sol_take(track, sol_chart(series, here, h));
-    }
-    vec3 across = cross(sol_varied(track, change_a), sol_varied(track, change_b));
-    return abs(dot(sol_velocity(track), across)) / max(size.x, max(size.y, size.z));
+    mat3 m;
+    vec3 v = g.velocity.xyz;
+    sol_differential(v, t, m);
+    return length(cross(m[1], m[2]) * v.x + cross(m[2], m[0]) * v.y + cross(m[0], m[1]) * v.z) * t * t;
 }
 
 float geo_length(Geodesic g, float u) {
