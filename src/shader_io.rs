@@ -181,18 +181,10 @@ structures! {
         /// Where the lists of the boxes begin in `light_lists`: of each box the place of its first image, and of the one
         /// behind the last.
         light_lists: uint,
-        /// Unused.
-        padding: uint,
+        /// First word of the cell's voxels in `voxels`, or [`NONE`] if it has none.
+        voxels: uint,
         /// Device address of the cell's acceleration structure.
         scene: uvec2,
-        /// Lower corner of the voxels, in the chart.
-        voxel_lower: vec3,
-        /// Their first word in `voxels`, or [`NONE`] if the cell has none.
-        voxels: uint,
-        /// Voxels of the finest level per unit of the chart along each axis.
-        voxel_scale: vec3,
-        /// Unused.
-        more_padding: uint,
     }
 
     /// Node of a hierarchy: the boxes of its four children on the cell's grid, a cache line.
@@ -443,6 +435,8 @@ numbers! {
     WRAP_MIRROR: uint = 2;
     /// Most faces of an only cell whose tests are unrolled: dodecahedra have 12, and code grows with each.
     UNROLLED_FACES: uint = 16;
+    /// Lines of the grid of a hierarchy's boxes along an axis.
+    LINES: uint = 65536;
     /// Voxels of a cell along an axis, on the finest level; each further level has half as many.
     VOXELS: uint = 64;
     /// Levels of voxels.

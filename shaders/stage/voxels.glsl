@@ -8,8 +8,8 @@ bool voxels_near(Segment segment, uint cell) {
     if (GEO_STRAIGHT) return true;
     uint first = io_cells[cell].voxels;
     if (first == IO_NONE) return true;
-    vec3 scale = io_cells[cell].voxel_scale;
-    vec3 start = (segment.origin - io_cells[cell].voxel_lower) * scale;
+    vec3 scale = io_cells[cell].grid_scale * (float(IO_VOXELS) / float(IO_LINES));
+    vec3 start = (segment.origin - io_cells[cell].grid_lower) * scale;
     vec3 way = segment.direction * scale;
     vec3 bulge = 0.25 * segment.bend * scale;
     vec3 lower = start + min(way, vec3(0.0)) + min(bulge, vec3(0.0));

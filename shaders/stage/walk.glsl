@@ -214,9 +214,8 @@ uint walk_near_faces(uint near) {
 void walk_test_only_cell(Geodesic g, Segment segment, float margin, inout Faces faces) {
     uint near = 0u;
     [[unroll]] for (uint face = 0u; face < IO_FACES; face++) {
-        bool tested = walk_test_side(g, face, io_planes[face], segment, margin, faces);
-        if (GEO_STRAIGHT) walk_test_exit(g, face, io_planes[face], faces);
-        else if (tested) near |= 1u << face;
+        if (GEO_STRAIGHT) walk_test_face(g, face, io_planes[face], segment, margin, faces);
+        else if (walk_test_side(g, face, io_planes[face], segment, margin, faces)) near |= 1u << face;
     }
     if (GEO_STRAIGHT) return;
     for (uint left = walk_near_faces(near); left != 0u; left &= left - 1u) {

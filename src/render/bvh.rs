@@ -10,7 +10,9 @@
 
 mod reinsertion;
 
-use crate::shader_io::{Node, REFERENCE_NOTHING, REFERENCE_QUADRIC, REFERENCE_SHIFT, REFERENCE_TRIANGLE, STACK_SIZE};
+use crate::shader_io::{
+    LINES, Node, REFERENCE_NOTHING, REFERENCE_QUADRIC, REFERENCE_SHIFT, REFERENCE_TRIANGLE, STACK_SIZE,
+};
 use glam::{DVec3, Vec3};
 
 /// An axis-aligned box in the chart.
@@ -116,14 +118,15 @@ pub struct Grid {
 }
 
 /// The last grid line.
-const LAST_LINE: f64 = 65535.0;
+const LAST_LINE: f64 = (LINES - 1) as f64;
 
 /// Slack of boxes beyond rounding, in units of their distance from the chart's origin plus 1: covers the rounding of
 /// positions and of the slab test in f32.
 const BOX_SLACK: f64 = 1e-6;
 
 impl Grid {
-    fn new(bounds: Aabb) -> Self {
+    /// The grid over all that lies in the bounds.
+    pub fn new(bounds: Aabb) -> Self {
         let margin = (bounds.lower.abs().max(bounds.upper.abs()) + 1.0) * (4.0 * BOX_SLACK);
         // In f32, so that both number formats have the same grid.
         let lower = (bounds.lower - margin).as_vec3();

@@ -116,10 +116,7 @@ pub fn cells(world: &World, hierarchy: &Hierarchy, scenes: &[io::types::uvec2]) 
             light_boxes: lights.boxes,
             light_lists: lights.first,
             scene: scenes.get(index).copied().unwrap_or_default(),
-            voxel_lower: voxels.map_or([0.0; 3], |voxels| vec3(voxels.lower)),
-            voxel_scale: voxels.map_or([1.0; 3], |voxels| vec3(voxels.scale)),
             voxels: voxels.map_or(NONE, |voxels| voxels.first),
-            ..io::Cell::default()
         }
     };
     world.domain.cells.iter().enumerate().map(cell).collect()

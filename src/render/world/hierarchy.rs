@@ -24,9 +24,6 @@ impl Hierarchy {
     /// Builds the hierarchies of all cells.
     pub fn new(domain: &Domain, meshes: &Meshes, quadrics: &[WorldQuadric], effort: Effort, straight: bool) -> Self {
         let mut hierarchy = Self::default();
-        if !straight {
-            hierarchy.voxels = Voxels::new(domain, meshes, quadrics);
-        }
         for cell in 0..domain.cells.len() {
             let triangles = meshes
                 .inside(domain, cell)
@@ -37,6 +34,9 @@ impl Hierarchy {
             let tree = bvh::build(&primitives, &mut hierarchy.nodes, effort);
             hierarchy.stack = hierarchy.stack.max(tree.map_or(0, |tree| tree.stack));
             hierarchy.trees.push(tree);
+            if !straight {
+                hierarchy.voxels.add(tree.map(|tree| tree.grid), &primitives, &meshes.triangles);
+            }
         }
         hierarchy
     }

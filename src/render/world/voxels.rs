@@ -5,12 +5,10 @@
 //! in one of the seven behind it. A segment asks the level on which it is no longer than a voxel: the one bit of the voxel that
 //! its lower corner is in speaks for all that it may touch. Twin: `shaders/stage/voxels.glsl`.
 
-use super::{Meshes, WorldQuadric};
 use crate::{
     geometry::Segment,
-    render::bvh::Aabb,
-    shader_io::{VOXEL_LEVELS, VOXELS},
-    space::domain::Domain,
+    render::bvh::{Aabb, Grid, Primitive},
+    shader_io::{LINES, VOXEL_LEVELS, VOXELS},
 };
 use glam::DVec3;
 
@@ -32,39 +30,32 @@ pub struct Voxels {
     pub grids: Vec<Option<VoxelGrid>>,
 }
 
-/// Where the voxels of a cell are.
+/// Where the voxels of a cell are: on the grid of its hierarchy.
 #[derive(Clone, Copy, Debug)]
 pub struct VoxelGrid {
-    /// Lower corner, in the chart.
-    pub lower: DVec3,
-    /// Voxels of the finest level per unit of the chart.
-    pub scale: DVec3,
     /// First of the cell's words.
     pub first: u32,
+    /// Lower corner, in the chart.
+    lower: DVec3,
+    /// Voxels of the finest level per unit of the chart.
+    scale: DVec3,
     /// By how many voxels everything is larger than it is.
     slack: DVec3,
 }
 
 impl Voxels {
-    /// Fills the voxels of all cells with triangles and quadrics.
-    pub fn new(domain: &Domain, meshes: &Meshes, quadrics: &[WorldQuadric]) -> Self {
-        let mut voxels = Self::default();
-        for cell in 0..domain.cells.len() {
-            let triangles: Vec<[DVec3; 3]> = meshes.inside(domain, cell).map(|index| meshes.triangles[index]).collect();
-            let boxes: Vec<Aabb> = quadrics.iter().filter(|q| q.cell == cell).map(|q| q.bounds).collect();
-            voxels.add(&triangles, &boxes);
-        }
-        voxels
-    }
-
-    /// Adds the next cell.
-    fn add(&mut self, triangles: &[[DVec3; 3]], boxes: &[Aabb]) {
-        let all = boxes.iter().copied().fold(Aabb::around(triangles.iter().flatten().copied()), Aabb::union);
-        let grid = VoxelGrid::around(all, self.words.len() as u32);
+    /// Adds the next cell: the grid of its hierarchy, if it has one, and the primitives in it. Triangles are told by their
+    /// indices.
+    pub fn add(&mut self, grid: Option<Grid>, primitives: &[(Aabb, Primitive)], triangles: &[[DVec3; 3]]) {
+        let grid = grid.and_then(|grid| VoxelGrid::new(grid, self.words.len() as u32));
         if let Some(grid) = grid {
             let mut filled = Filled::new();
-            triangles.iter().for_each(|corners| filled.add_triangle(corners.map(|corner| grid.place(corner)), &grid));
-            boxes.iter().for_each(|bounds| filled.add(grid.span(*bounds)));
+            for (bounds, primitive) in primitives {
+                match primitive {
+                    Primitive::Triangle(index) => filled.add_triangle(triangles[*index as usize], &grid),
+                    Primitive::Quadric(_) => filled.add(grid.span(*bounds)),
+                }
+            }
             filled.write(&mut self.words);
         }
         self.grids.push(grid);
@@ -97,15 +88,12 @@ fn first_word(level: u32) -> usize {
 }
 
 impl VoxelGrid {
-    /// The grid around what is in a cell.
-    fn around(all: Aabb, first: u32) -> Option<Self> {
-        let far = all.lower.abs().max(all.upper.abs()) + 1.0;
-        // In f32, so that both number formats have the same grid.
-        let lower = (all.lower - far * (4.0 * FAR_SLACK)).as_vec3().as_dvec3();
-        let extent = all.upper + far * (4.0 * FAR_SLACK) - lower;
-        let scale = (DVec3::splat(EDGE as f64) / extent).as_vec3().as_dvec3();
-        let slack = far * scale * FAR_SLACK + SLACK;
-        (extent.is_finite() && lower.is_finite()).then_some(Self { lower, scale, first, slack })
+    /// The voxels on a hierarchy's grid, if it has an end.
+    fn new(grid: Grid, first: u32) -> Option<Self> {
+        let scale = grid.scale * (EDGE as f64 / f64::from(LINES));
+        let upper = grid.lower + EDGE as f64 / scale;
+        let far = grid.lower.abs().max(upper.abs()) + 1.0;
+        upper.is_finite().then_some(Self { first, lower: grid.lower, scale, slack: far * scale * FAR_SLACK + SLACK })
     }
 
     /// A point of the chart, in voxels of the finest level.
@@ -147,9 +135,9 @@ impl Filled {
         }
     }
 
-    /// Fills the voxels of a triangle's box that its plane passes, from its corners in voxels.
+    /// Fills the voxels of a triangle's box that its plane passes.
     fn add_triangle(&mut self, corners: [DVec3; 3], grid: &VoxelGrid) {
-        let [a, b, c] = corners;
+        let [a, b, c] = corners.map(|corner| grid.place(corner));
         let span = grid.reach(a.min(b).min(c), a.max(b).max(c));
         let normal = (b - a).cross(c - a);
         let along = normal.abs().max_position();
@@ -233,8 +221,11 @@ mod tests {
     }
 
     fn voxels(triangles: &[[DVec3; 3]], boxes: &[Aabb]) -> Voxels {
+        let about = triangles.iter().map(|corners| Aabb::around(*corners)).zip((0..).map(Primitive::Triangle));
+        let primitives: Vec<_> = about.chain(boxes.iter().copied().zip((0..).map(Primitive::Quadric))).collect();
+        let all = primitives.iter().map(|(bounds, _)| *bounds).reduce(Aabb::union);
         let mut voxels = Voxels::default();
-        voxels.add(triangles, boxes);
+        voxels.add(all.map(Grid::new), &primitives, triangles);
         voxels
     }
 
@@ -251,15 +242,14 @@ mod tests {
                     std::array::from_fn(|_| corner(at, &mut random))
                 })
                 .collect();
-            let boxes: Vec<Aabb> =
-                (0..4).map(|_| Aabb::around([offset + random.point(), offset + random.point()])).take(1).collect();
-            let voxels = voxels(&triangles, &boxes);
+            let about = Aabb::around([offset + random.point(), offset + random.point()]);
+            let voxels = voxels(&triangles, &[about]);
             for round in 0..20_000 {
                 let [u, v] = [random.next().abs(), random.next().abs()];
                 let [a, b, c] = triangles[round % triangles.len()];
                 let inside = if u + v <= 1.0 { a + (b - a) * u + (c - a) * v } else { b + (c - b) * (u * v) };
                 let filled = if round % 8 == 0 {
-                    boxes[0].lower + (boxes[0].upper - boxes[0].lower) * DVec3::new(u, v, random.next().abs())
+                    about.lower + (about.upper - about.lower) * DVec3::new(u, v, random.next().abs())
                 } else {
                     inside
                 };
