@@ -165,11 +165,10 @@ float geo_arc(Geodesic g, float u_max, float tolerance) {
     float q = abs(sl2_trace_square(g.velocity));
     float slope = m_atan(abs(g.point.y), abs(1.0 + g.point.x));
     float limit = min(u_max, 0.5 * (M_HALF_PI - slope) / norm);
-    float upper = limit;
     float lower = 0.0;
     for (int i = 0; i < M_ARC_STEPS; i++) {
+        float upper = m_arc(sl2_trace_third(q, slope, norm, lower), tolerance, limit);
         lower = m_arc(sl2_trace_third(q, slope, norm, upper), tolerance, limit);
-        upper = m_arc(sl2_trace_third(q, slope, norm, lower), tolerance, limit);
     }
     return lower;
 }

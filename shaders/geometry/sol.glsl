@@ -352,11 +352,10 @@ float geo_arc(Geodesic g, float u_max, float tolerance) {
     vec2 across = v.xy * (2.0 * square.z + square.yx - square.xy);
     float third = 2.0 * length(vec3(across, v.z * (square.x + square.y)));
     float limit = min(u_max, SOL_HORIZON);
-    float upper = limit;
     float lower = 0.0;
     for (int i = 0; i < M_ARC_STEPS; i++) {
+        float upper = m_arc((third + 2.93 * lower) * exp(lower), tolerance, limit);
         lower = m_arc((third + 2.93 * upper) * exp(upper), tolerance, limit);
-        upper = m_arc((third + 2.93 * lower) * exp(lower), tolerance, limit);
     }
     return lower;
 }

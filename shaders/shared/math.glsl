@@ -12,6 +12,12 @@ const float M_HALF_PI = 1.57079632679490;
 const float M_QUARTER_PI = 0.785398163397448;
 const float M_INFINITY = uintBitsToFloat(0x7f800000u);
 
+// A whole number between -2^22 and 2^22 as an integer: by the bits of a float that ends with the units. Software converts
+// numbers one by one, with care for what does not fit, and hardware at a quarter of its speed.
+int m_whole(float k) {
+    return floatBitsToInt(k + 12582912.0) - 0x4b400000;
+}
+
 // x - k * (A + B + C + D) without rounding in the products: each part of the constant has at most 12 significant
 // bits and k is split into two halves of 12 bits, both towards zero: a small negative k must not become a large
 // one minus a large one.
@@ -33,14 +39,14 @@ float m_reduce(float x, float k, vec4 parts) {
 // pi/2 in four parts of 12 bits.
 const vec4 M_HALF_PI_PARTS = vec4(1.5703125, 4.837512969970703125e-4, 7.54953362047672271728515625e-8, 2.56328291925456142e-12);
 
-// (sin x, cos x), |x| < 1e7; beyond that f32 no longer resolves an angle.
+// (sin x, cos x), |x| < 6e6; f32 does not resolve angles much beyond that.
 vec2 m_sincos(float x) {
     float k = floor(x * (1.0 / M_HALF_PI) + 0.5);
     float r = m_reduce(x, k, M_HALF_PI_PARTS);
     float z = r * r;
     float s = ((-1.9515295891e-4 * z + 8.3321608736e-3) * z - 1.6666654611e-1) * z * r + r;
     float c = ((2.443315711809948e-5 * z - 1.388731625493765e-3) * z + 4.166664568298827e-2) * z * z - 0.5 * z + 1.0;
-    int quadrant = int(k) & 3;
+    int quadrant = m_whole(k) & 3;
     vec2 turned = (quadrant & 1) == 0 ? vec2(s, c) : vec2(c, s);
     return vec2(quadrant >= 2 ? -turned.x : turned.x, quadrant == 1 || quadrant == 2 ? -turned.y : turned.y);
 }
@@ -70,7 +76,7 @@ float m_half_exp(float x) {
     r = r + k * 2.12194440054690583e-4;
     float p = 1.0 + r * (1.0 + r * (0.5 + r * (1.66666667e-1 + r * (4.16666667e-2 + r * (8.33333333e-3 + r * (1.38888889e-3 + r * 1.98412698e-4))))));
     if (k > 127.0) return k > 129.0 ? M_INFINITY : ldexp(p, 120) * exp2(k - 121.0);
-    return k < -124.0 ? 0.0 : p * uintBitsToFloat(uint(int(k) + 126) << 23u);
+    return k < -124.0 ? 0.0 : p * intBitsToFloat((m_whole(k) + 126) << 23);
 }
 
 // (sinh x, cosh x).
@@ -181,11 +187,23 @@ float m_safe_step(float value, float rate, float bend) {
     return rate > 0.0 ? -2.0 * value / (rate + root) : (root - rate) / bend;
 }
 
+// Cube root of a positive number, to 2.2e-5 of it: a third of the exponent, and one step of Halley's method. A third of the
+// bits by shifts (Warren: Hacker's delight, 2012, 11-2): a quarter and a sixteenth and so on.
+float m_cube_root(float x) {
+    int third = (floatBitsToInt(x) >> 2) + (floatBitsToInt(x) >> 4);
+    third += third >> 4;
+    third += third >> 8;
+    third += third >> 16;
+    float root = intBitsToFloat(third + 709958130);
+    float cube = root * root * root;
+    return root * ((cube + 2.0 * x) / (2.0 * cube + x));
+}
+
 // The longest arc whose chart's third derivative is at most `third`: it deviates by third h^3 / 96 (Segment::along in
-// src/geometry/mod.rs). Geometries bound the derivative over a step h by a function of h, and search in turn from above and
-// from below: M_ARC_STEPS times (longest_arc in src/geometry/curved.rs).
+// src/geometry/mod.rs). Geometries bound the derivative over a step h by a function of h: what no step at all allows is too
+// much, what that allows too little, and so on, M_ARC_STEPS times (longest_arc in src/geometry/curved.rs).
 float m_arc(float third, float tolerance, float limit) {
-    return min(pow(96.0 * tolerance / max(third, 1e-30), 1.0 / 3.0), limit);
+    return min(m_cube_root(96.0 * tolerance / max(third, 1e-30)), limit);
 }
 
 const int M_ARC_STEPS = 2;

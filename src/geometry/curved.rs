@@ -66,22 +66,20 @@ pub(super) fn before_passage(value: f64, rate: f64) -> Option<f64> {
     }
 }
 
-/// How often [`longest_arc`] searches from above and from below: the bounds differ by a few per cent then.
+/// How often [`longest_arc`] bounds the step from above and from below: the bounds differ by less than a per cent then.
 const ARC_STEPS: u32 = 2;
 
-/// Largest `h ≤ limit` with `third(h) h³/96 ≤ tolerance`, up to a few per cent on the safe side, where `third(h)`,
+/// Largest `h ≤ limit` with `third(h) h³/96 ≤ tolerance`, up to a per cent on the safe side, where `third(h)`,
 /// growing with `h`, bounds the metric length of the chart's third derivative over a step `h`, measured at any point of the
-/// step: how far an [`Segment`](super::Segment) may reach. What a too large `h` allows is too small, and conversely, so the two
-/// bounds are found in turn.
+/// step: how far an [`Segment`](super::Segment) may reach. What a too small `h` allows is too large, and conversely, so
+/// bounds from above and from below are found in turn, beginning with what `h = 0` allows.
 pub(super) fn longest_arc(limit: f64, tolerance: f64, third: impl Fn(f64) -> f64) -> f64 {
     // A root in f32 is good enough, and many times cheaper: this is done for every segment.
     let root = |cube: f64| f64::from((cube as f32).cbrt()) * (1.0 - 1e-6);
     let allowed = |h: f64| root(96.0 * tolerance / third(h).max(1e-30)).min(limit);
-    let mut upper = limit;
     let mut lower = 0.0;
     for _ in 0..ARC_STEPS {
-        lower = allowed(upper);
-        upper = allowed(lower);
+        lower = allowed(allowed(lower));
     }
     lower
 }
