@@ -417,6 +417,16 @@ numbers! {
     REFERENCE_TRIANGLE: uint = 4;
     /// A quadric is there.
     REFERENCE_QUADRIC: uint = 5;
+    /// Among the arrays that are read by address: the nodes.
+    ARRAY_NODES: uint = 0;
+    /// The triangles.
+    ARRAY_TRIANGLES: uint = 1;
+    /// The quadrics.
+    ARRAY_QUADRICS: uint = 2;
+    /// Their shading data.
+    ARRAY_QUADRIC_SHADING: uint = 3;
+    /// How many such arrays there are.
+    ARRAYS: uint = 4;
     /// Most guards, of all kinds together.
     GUARDS: uint = 32;
     /// Kind of an instance, a bit of its mask: meshes that rest.
@@ -790,6 +800,9 @@ bindings! {
         32 planes: vec4[UNROLLED_FACES];
         /// Boxes about what rests in the only cell, asked before a segment is traced.
         33 guards: Box[GUARDS];
+        /// Arrays that invocations which walk the hierarchy together read by address: the address, and the index of the last
+        /// element.
+        34 arrays: uvec4[ARRAYS];
     }
 }
 

@@ -2,6 +2,7 @@
 // and every tube around a geodesic is one, so the same few lines are exact for all of them.
 #ifndef QUADRIC_GLSL
 #define QUADRIC_GLSL
+#include "trace/arrays.glsl"
 #include "stage/walk.glsl"
 #include "stage/triangle.glsl"
 
@@ -12,7 +13,7 @@ vec3 quadric_gradient(Quadric q, vec3 c) {
 }
 
 bool quadric_clipped(uint index, vec3 c) {
-    QuadricShading shading = io_quadric_shading[index];
+    QuadricShading shading = array_quadric_shading(index);
     vec4 x = vec4(c, 1.0);
     return dot(shading.clip0, x) < 0.0 || dot(shading.clip1, x) < 0.0;
 }
@@ -20,7 +21,7 @@ bool quadric_clipped(uint index, vec3 c) {
 // Smallest s in [0, min(1, s_end)] at which the segment meets the surface, or NO_HIT. An eye inside sees the far wall. For
 // straight segments: where others are needed there are no quadrics.
 float quadric_hit(Segment segment, uint index, float s_end) {
-    Quadric quadric = io_quadric_surfaces[index];
+    Quadric quadric = array_quadric(index);
     vec4 x = vec4(segment.origin, 1.0);
     vec3 d = segment.direction;
     vec3 f = vec3(dot(quadric.form0, x), dot(quadric.form1, x), dot(quadric.form2, x));

@@ -8,6 +8,7 @@
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #include "shared/io.glsl"
 #define WALK_TOGETHER
+#include "trace/arrays.glsl"
 #include "stage/walk.glsl"
 #include "stage/triangle.glsl"
 #include "stage/quadric.glsl"
@@ -57,7 +58,7 @@ float primitive_hit(Segment segment, uint reference, float s_end) {
         return quadric_hit(segment, index, s_end);
     }
     count(IO_COUNT_TRIANGLES);
-    vec3 hit = triangle_hit(segment, io_triangles[index]);
+    vec3 hit = triangle_hit(segment, array_triangle(index));
     return IO_ALPHA_MASK && hit.x < s_end && stage_is_hole(index, hit.yz) ? NO_HIT : hit.x;
 }
 
@@ -114,7 +115,7 @@ uint traverse_together(Segment segment, uint cell, bool any_hit) {
     while (true) {
         uint top = io_stacks[base - 1u] - 1u;
         uint current = io_stacks[base + top];
-        Node node = io_nodes[reference_index(current)];
+        Node node = array_node(reference_index(current));
         if (together_owns(top)) count(IO_COUNT_NODES);
         uint own = slabs_entered(slabs, node, s_end);
         Children children = node_children(node, current, down);
@@ -167,7 +168,7 @@ uint traverse_alone(Segment segment, uint cell, bool any_hit) {
         Children children;
         uint primitives = 0u; // a bit for each of the children
         while (current != IO_NONE && primitives == 0u) {
-            Node node = io_nodes[reference_index(current)];
+            Node node = array_node(reference_index(current));
             count(IO_COUNT_NODES);
             children = node_children(node, current, slabs.down);
             bvec4 among = notEqual(children.bits & slabs_entered(slabs, node, s_end), uvec4(0u));

@@ -116,12 +116,10 @@ impl Context {
         let mut create = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_extension_names(&names)
-            .push_next(&mut features.scalar);
+            .push_next(&mut features.scalar)
+            .push_next(&mut features.address);
         if rt {
-            create = create
-                .push_next(&mut features.address)
-                .push_next(&mut features.acceleration)
-                .push_next(&mut features.pipeline);
+            create = create.push_next(&mut features.acceleration).push_next(&mut features.pipeline);
         }
         if reorder {
             create = create.push_next(&mut features.reorder);
@@ -143,7 +141,7 @@ impl Context {
             device: device.0.clone(),
             physical_device: physical,
             debug_settings: AllocatorDebugSettings::default(),
-            buffer_device_address: rt,
+            buffer_device_address: true,
             allocation_sizes: AllocationSizes::new(first, first)
                 .with_max_device_memblock_size(largest)
                 .with_max_host_memblock_size(largest),

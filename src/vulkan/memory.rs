@@ -18,7 +18,8 @@ const STORAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
     vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
         | vk::BufferUsageFlags::UNIFORM_BUFFER.as_raw()
         | vk::BufferUsageFlags::TRANSFER_SRC.as_raw()
-        | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
+        | vk::BufferUsageFlags::TRANSFER_DST.as_raw()
+        | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS.as_raw(),
 );
 
 /// A buffer with memory of its own, and its name.
@@ -205,10 +206,10 @@ impl Buffer {
         self.0.handle
     }
 
-    /// Where the device finds it; the buffer must have been made with `SHADER_DEVICE_ADDRESS`.
-    pub(super) fn address(&self) -> vk::DeviceAddress {
+    /// Where the device finds it.
+    pub fn address(&self) -> vk::DeviceAddress {
         let info = vk::BufferDeviceAddressInfo::default().buffer(self.raw());
-        // SAFETY: the buffer is alive, and only buffers of the ray tracing tier, which enables the feature, are asked.
+        // SAFETY: the buffer is alive, was made with `SHADER_DEVICE_ADDRESS`, and every tier enables the feature.
         unsafe { self.0.context.raw().get_buffer_device_address(&info) }
     }
 

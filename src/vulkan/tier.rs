@@ -225,7 +225,7 @@ impl Features {
         let rt = tier == Tier::Rt;
         Self {
             scalar: vk::PhysicalDeviceScalarBlockLayoutFeatures::default().scalar_block_layout(true),
-            address: vk::PhysicalDeviceBufferDeviceAddressFeatures::default().buffer_device_address(rt),
+            address: vk::PhysicalDeviceBufferDeviceAddressFeatures::default().buffer_device_address(true),
             acceleration: vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(rt),
             pipeline: vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default().ray_tracing_pipeline(rt),
             reorder: vk::PhysicalDeviceRayTracingInvocationReorderFeaturesNV::default()
@@ -313,6 +313,7 @@ pub(super) fn describe(
     let group = shader_io::GROUP_WIDTH * shader_io::GROUP_HEIGHT;
     require(modern, "Vulkan 1.2");
     require(!modern || features.scalar.scalar_block_layout == vk::TRUE, "scalarBlockLayout");
+    require(!modern || features.address.buffer_device_address == vk::TRUE, "bufferDeviceAddress");
     require(family.is_some(), "a compute queue");
     require(
         !modern
@@ -335,7 +336,6 @@ pub(super) fn describe(
         }
     }
     for (present, feature) in [
-        (features.address.buffer_device_address == vk::TRUE, "bufferDeviceAddress"),
         (!rt_extensions || features.acceleration.acceleration_structure == vk::TRUE, "accelerationStructure"),
         (!rt_extensions || features.pipeline.ray_tracing_pipeline == vk::TRUE, "rayTracingPipeline"),
     ] {

@@ -11,7 +11,10 @@ use super::{
 };
 use crate::{
     geometry::GeometryId,
-    shader_io::{Dispatch, GROUP_HEIGHT, GROUP_WIDTH, LIST_WIDTH, Specialization, binding},
+    shader_io::{
+        ARRAY_NODES, ARRAY_QUADRIC_SHADING, ARRAY_QUADRICS, ARRAY_TRIANGLES, ARRAYS, Dispatch, GROUP_HEIGHT,
+        GROUP_WIDTH, LIST_WIDTH, Specialization, binding, types::uvec4,
+    },
     vulkan::{
         DeviceInfo, DeviceKind, Tier, VulkanError,
         descriptor::{Bound, BufferSet, Layout},
@@ -19,7 +22,7 @@ use crate::{
         shader::{ComputePipeline, ComputeShader},
     },
 };
-use bytemuck::cast_slice;
+use bytemuck::{Pod, cast_slice};
 
 /// Draws on a Vulkan device with compute shaders.
 pub type ComputeBackend = DeviceBackend<Compute>;
@@ -37,6 +40,22 @@ pub struct ComputeOptions {
 pub fn walks_together(device: &DeviceInfo) -> bool {
     let mesa = device.driver_info.split_once("Mesa ").and_then(|(_, version)| version.split('.').next()?.parse().ok());
     device.kind == DeviceKind::Cpu && mesa.is_none_or(|version: u32| version >= 25)
+}
+
+/// Uploads what is read through a binding or by address: the latter, in two words, and the index of the last element. There is
+/// one at least, so that every index can be kept inside.
+fn by_address<T: Pod + Default>(
+    device: &mut Device,
+    bound: &mut Vec<Bound>,
+    (binding, name): (u32, &'static str),
+    mut elements: Vec<T>,
+) -> Result<uvec4, RenderError> {
+    if elements.is_empty() {
+        elements.push(T::default());
+    }
+    bound.extend(device.upload(&[(binding, name, cast_slice(&elements))])?);
+    let address = bound.last().map_or(0, |last| last.buffer.address());
+    Ok([address as u32, (address >> 32) as u32, elements.len() as u32 - 1, 0])
 }
 
 /// The compute pipeline of a world.
@@ -72,15 +91,20 @@ impl Tracer for Compute {
             quadrics = world.quadrics.iter().map(pack::quadric).collect::<Vec<_>>();
             quadric_shading = world.quadrics.iter().map(pack::quadric_shading).collect::<Vec<_>>();
         }
-        let bound = device.upload(&[
+        let mut bound = device.upload(&[
             (binding::cells, "cells", cast_slice(&cells)),
-            (binding::nodes, "nodes", cast_slice(&nodes)),
             (binding::voxels, "voxels", cast_slice(&hierarchy.voxels.words)),
-            (binding::triangles, "triangles", cast_slice(&triangles)),
             (binding::triangle_shading, "triangle shading", cast_slice(&shading)),
-            (binding::quadric_surfaces, "quadrics", cast_slice(&quadrics)),
-            (binding::quadric_shading, "quadric shading", cast_slice(&quadric_shading)),
         ])?;
+        let mut arrays = [uvec4::default(); ARRAYS as usize];
+        arrays[ARRAY_NODES as usize] = by_address(device, &mut bound, (binding::nodes, "nodes"), nodes)?;
+        arrays[ARRAY_TRIANGLES as usize] =
+            by_address(device, &mut bound, (binding::triangles, "triangles"), triangles)?;
+        arrays[ARRAY_QUADRICS as usize] =
+            by_address(device, &mut bound, (binding::quadric_surfaces, "quadrics"), quadrics)?;
+        arrays[ARRAY_QUADRIC_SHADING as usize] =
+            by_address(device, &mut bound, (binding::quadric_shading, "quadric shading"), quadric_shading)?;
+        bound.extend(device.upload(&[(binding::arrays, "addresses of arrays", cast_slice(&arrays))])?);
         let entry = if world.plan.heat == Some(Heat::Time) { "path_clock.comp" } else { "path.comp" };
         // Few sizes of stacks, so that pipelines fit one world after the other.
         let together = options.together.unwrap_or_else(|| walks_together(device.context.info()));

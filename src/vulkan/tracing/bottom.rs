@@ -62,10 +62,7 @@ pub struct Blueprint {
 }
 
 /// Uses of buffers that structures are built from.
-pub const INPUT_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
-    vk::BufferUsageFlags::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR.as_raw()
-        | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS.as_raw(),
-);
+pub const INPUT_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR;
 
 /// A bottom-level structure. It needs its primitives' buffer only to be refitted.
 pub struct BottomLevel {

@@ -22,8 +22,7 @@ impl Structure {
         level: vk::AccelerationStructureTypeKHR,
         bytes: u64,
     ) -> Result<Self, VulkanError> {
-        let usage =
-            vk::BufferUsageFlags::ACCELERATION_STRUCTURE_STORAGE_KHR | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS;
+        let usage = vk::BufferUsageFlags::ACCELERATION_STRUCTURE_STORAGE_KHR;
         let storage = Buffer::with_usage(context, name, bytes, usage, ALIGNMENT)?;
         let functions = &context.tracing()?.acceleration;
         let info = vk::AccelerationStructureCreateInfoKHR::default().buffer(storage.raw()).size(bytes).ty(level);
@@ -86,5 +85,5 @@ pub(super) fn build_sizes(
 /// Memory for builds, at the device's alignment.
 pub(super) fn scratch(context: &Arc<Context>, bytes: u64) -> Result<Buffer, VulkanError> {
     let alignment = u64::from(context.info().rt().scratch_alignment.max(1));
-    Buffer::with_usage(context, "scratch", bytes, vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS, alignment)
+    Buffer::with_usage(context, "scratch", bytes, vk::BufferUsageFlags::empty(), alignment)
 }

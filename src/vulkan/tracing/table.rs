@@ -105,7 +105,7 @@ impl ShaderTable {
             let handle = pipeline.hit_handle(record.group).ok_or_else(missing)?;
             put(&hit, index, handle, bytemuck::bytes_of(&record.data));
         }
-        let usage = vk::BufferUsageFlags::SHADER_BINDING_TABLE_KHR | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS;
+        let usage = vk::BufferUsageFlags::SHADER_BINDING_TABLE_KHR;
         let buffer = Buffer::from_slice_for(context, submitter, "shader binding table", &bytes, usage, base)?;
         let address = buffer.address();
         Ok(Self {
