@@ -425,8 +425,10 @@ numbers! {
     ARRAY_QUADRICS: uint = 2;
     /// Their shading data.
     ARRAY_QUADRIC_SHADING: uint = 3;
+    /// The guards.
+    ARRAY_GUARDS: uint = 4;
     /// How many such arrays there are.
-    ARRAYS: uint = 4;
+    ARRAYS: uint = 5;
     /// Most guards, of all kinds together.
     GUARDS: uint = 32;
     /// Kind of an instance, a bit of its mask: meshes that rest.
@@ -800,8 +802,7 @@ bindings! {
         32 planes: vec4[UNROLLED_FACES];
         /// Boxes about what rests in the only cell, asked before a segment is traced.
         33 guards: Box[GUARDS];
-        /// Arrays that invocations which walk the hierarchy together read by address: the address, and the index of the last
-        /// element.
+        /// Arrays that software reads by address: the address, and the index of the last element.
         34 arrays: uvec4[ARRAYS];
     }
 }

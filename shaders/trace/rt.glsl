@@ -4,6 +4,7 @@
 #define RT_GLSL
 #extension GL_EXT_control_flow_attributes : require
 #include "trace/payload.glsl"
+#include "trace/arrays.glsl"
 #include "stage/slabs.glsl"
 
 layout(location = PAYLOAD) rayPayloadEXT Payload rt_payload;
@@ -33,9 +34,9 @@ uint rt_near(Segment segment) {
     Slabs slabs = slabs_of(segment, vec3(0.0), vec3(1.0));
     bool meshes = false;
     bool quadrics = false;
-    [[unroll]] for (uint i = 0u; i < IO_MESH_GUARDS; i++) meshes = rt_beside(slabs, io_guards[i]) || meshes;
+    [[unroll]] for (uint i = 0u; i < IO_MESH_GUARDS; i++) meshes = rt_beside(slabs, array_guard(i)) || meshes;
     const uint all = IO_MESH_GUARDS + IO_QUADRIC_GUARDS;
-    [[unroll]] for (uint i = IO_MESH_GUARDS; i < all; i++) quadrics = rt_beside(slabs, io_guards[i]) || quadrics;
+    [[unroll]] for (uint i = IO_MESH_GUARDS; i < all; i++) quadrics = rt_beside(slabs, array_guard(i)) || quadrics;
     return (IO_KIND_ALL & ~IO_GUARDED) | (meshes ? IO_KIND_MESHES : 0u) | (quadrics ? IO_KIND_QUADRICS : 0u);
 }
 

@@ -22,7 +22,7 @@ use crate::{
         shader::{ComputePipeline, ComputeShader},
     },
 };
-use bytemuck::{Pod, cast_slice};
+use bytemuck::cast_slice;
 
 /// Draws on a Vulkan device with compute shaders.
 pub type ComputeBackend = DeviceBackend<Compute>;
@@ -40,22 +40,6 @@ pub struct ComputeOptions {
 pub fn walks_together(device: &DeviceInfo) -> bool {
     let mesa = device.driver_info.split_once("Mesa ").and_then(|(_, version)| version.split('.').next()?.parse().ok());
     device.kind == DeviceKind::Cpu && mesa.is_none_or(|version: u32| version >= 25)
-}
-
-/// Uploads what is read through a binding or by address: the latter, in two words, and the index of the last element. There is
-/// one at least, so that every index can be kept inside.
-fn by_address<T: Pod + Default>(
-    device: &mut Device,
-    bound: &mut Vec<Bound>,
-    (binding, name): (u32, &'static str),
-    mut elements: Vec<T>,
-) -> Result<uvec4, RenderError> {
-    if elements.is_empty() {
-        elements.push(T::default());
-    }
-    bound.extend(device.upload(&[(binding, name, cast_slice(&elements))])?);
-    let address = bound.last().map_or(0, |last| last.buffer.address());
-    Ok([address as u32, (address >> 32) as u32, elements.len() as u32 - 1, 0])
 }
 
 /// The compute pipeline of a world.
@@ -97,13 +81,13 @@ impl Tracer for Compute {
             (binding::triangle_shading, "triangle shading", cast_slice(&shading)),
         ])?;
         let mut arrays = [uvec4::default(); ARRAYS as usize];
-        arrays[ARRAY_NODES as usize] = by_address(device, &mut bound, (binding::nodes, "nodes"), nodes)?;
+        arrays[ARRAY_NODES as usize] = device.upload_addressed(&mut bound, (binding::nodes, "nodes"), nodes)?;
         arrays[ARRAY_TRIANGLES as usize] =
-            by_address(device, &mut bound, (binding::triangles, "triangles"), triangles)?;
+            device.upload_addressed(&mut bound, (binding::triangles, "triangles"), triangles)?;
         arrays[ARRAY_QUADRICS as usize] =
-            by_address(device, &mut bound, (binding::quadric_surfaces, "quadrics"), quadrics)?;
+            device.upload_addressed(&mut bound, (binding::quadric_surfaces, "quadrics"), quadrics)?;
         arrays[ARRAY_QUADRIC_SHADING as usize] =
-            by_address(device, &mut bound, (binding::quadric_shading, "quadric shading"), quadric_shading)?;
+            device.upload_addressed(&mut bound, (binding::quadric_shading, "quadric shading"), quadric_shading)?;
         bound.extend(device.upload(&[(binding::arrays, "addresses of arrays", cast_slice(&arrays))])?);
         let entry = if world.plan.heat == Some(Heat::Time) { "path_clock.comp" } else { "path.comp" };
         // Few sizes of stacks, so that pipelines fit one world after the other.

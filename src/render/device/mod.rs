@@ -24,7 +24,7 @@ use super::{
     world::World,
 };
 use crate::{
-    shader_io::{self, BINDINGS, Dispatch, View, binding},
+    shader_io::{self, BINDINGS, Dispatch, View, binding, types::uvec4},
     vulkan::{
         Context, DeviceInfo, Tier, VulkanError,
         command::Submitter,
@@ -33,6 +33,7 @@ use crate::{
         record::{Access, Recorder},
     },
 };
+use bytemuck::Pod;
 use pack::{Array, Common};
 use std::{
     fmt::Debug,
@@ -72,6 +73,25 @@ impl Device {
             bound.push(Bound { binding: *binding, bytes: bytes.len() as u64, buffer });
         }
         Ok(bound)
+    }
+
+    /// Uploads an array that shaders read by address as well as through its binding. The address, in two words, and the index of
+    /// the last element: there is one at least, so that every index can be kept inside.
+    ///
+    /// # Errors
+    /// As [`Self::upload`].
+    pub fn upload_addressed<T: Pod + Default>(
+        &mut self,
+        bound: &mut Vec<Bound>,
+        (binding, name): (u32, &'static str),
+        mut elements: Vec<T>,
+    ) -> Result<uvec4, RenderError> {
+        if elements.is_empty() {
+            elements.push(T::default());
+        }
+        bound.extend(self.upload(&[(binding, name, bytemuck::cast_slice(&elements))])?);
+        let address = bound.last().map_or(0, |last| last.buffer.address());
+        Ok([address as u32, (address >> 32) as u32, elements.len() as u32 - 1, 0])
     }
 
     /// Whether the device can bind these arrays.

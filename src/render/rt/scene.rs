@@ -17,7 +17,10 @@ use super::{
     moving::MovingMeshes,
 };
 use crate::{
-    shader_io::{self as io, KIND_MESHES, KIND_MOVING, KIND_QUADRICS, NONE, binding, types::uvec2},
+    shader_io::{
+        self as io, ARRAY_GUARDS, ARRAYS, KIND_MESHES, KIND_MOVING, KIND_QUADRICS, NONE, binding,
+        types::{uvec2, uvec4},
+    },
     vulkan::{
         VulkanError,
         descriptor::Bound,
@@ -128,7 +131,11 @@ impl RtScene {
     /// Driver failures; worlds beyond the device's limits.
     pub fn build(device: &mut Device, world: &World, guards: &Guards) -> Result<Built, RenderError> {
         let mut records = Vec::new();
-        let mut bound = device.upload(&[(binding::guards, "guards", cast_slice(&guards.boxes()))])?;
+        let mut bound = Vec::new();
+        let mut arrays = [uvec4::default(); ARRAYS as usize];
+        arrays[ARRAY_GUARDS as usize] =
+            device.upload_addressed(&mut bound, (binding::guards, "guards"), guards.boxes().to_vec())?;
+        bound.extend(device.upload(&[(binding::arrays, "addresses of arrays", cast_slice(&arrays))])?);
         if !world.plan.uses(Feature::Meshes) && !world.plan.uses(Feature::Quadrics) {
             let cells = pack::cells(world, &Hierarchy::default(), &[]);
             bound.extend(device.upload(&[(binding::cells, "cells", cast_slice(&cells))])?);
