@@ -8,9 +8,10 @@ use holonomy::{
 use naga::front::spv;
 use std::{collections::BTreeMap, fs, path::Path};
 
-/// Offsets of members and sizes of all structures that a module declares, by name. Read from the decorations
-/// themselves (SPIR-V 1.5, sections 3.20 and 3.49), because reflection libraries apply layout rules of their own.
-fn declared(words: &[u32]) -> BTreeMap<String, Vec<(String, u32)>> {
+/// Name, members and their offsets of all structures that a module declares. What is read by address as well as through a
+/// binding is declared twice. Read from the decorations themselves (SPIR-V 1.5, sections 3.20 and 3.49), because reflection
+/// libraries apply layout rules of their own.
+fn declared(words: &[u32]) -> Vec<(String, Vec<(String, u32)>)> {
     const OP_NAME: u32 = 5;
     const OP_MEMBER_NAME: u32 = 6;
     const OP_MEMBER_DECORATE: u32 = 72;
@@ -38,12 +39,11 @@ fn declared(words: &[u32]) -> BTreeMap<String, Vec<(String, u32)>> {
         }
         at += length;
     }
-    let mut found: BTreeMap<String, Vec<(String, u32)>> = BTreeMap::new();
+    let mut found: BTreeMap<u32, Vec<(String, u32)>> = BTreeMap::new();
     for ((id, member), offset) in offsets {
-        let name = names.get(&id).cloned().unwrap_or_default();
-        found.entry(name).or_default().push((members[&(id, member)].clone(), offset));
+        found.entry(id).or_default().push((members[&(id, member)].clone(), offset));
     }
-    found
+    found.into_iter().map(|(id, members)| (names.get(&id).cloned().unwrap_or_default(), members)).collect()
 }
 
 /// Disagreements of the modules of one geometry with the Rust structures; `shift` is added to each Rust offset.
@@ -54,16 +54,17 @@ fn disagreements(shift: usize) -> (usize, Vec<String>) {
         let modules = declared(&spirv(entry, GEOMETRIES[0].id).expect("the build has it"));
         for (name, _, members) in shader_io::layouts() {
             // A structure that the entry does not use has no offsets.
-            let Some(declared) = modules.get(name) else { continue };
-            compared += 1;
-            for (member, offset) in &members {
-                let found = declared.iter().find(|(m, _)| m == member);
-                if found.is_none_or(|(_, o)| *o as usize != offset + shift) {
-                    wrong.push(format!("{entry}: {name}.{member}: {found:?}, in Rust {offset}"));
+            for (_, declared) in modules.iter().filter(|(declared, _)| declared == name) {
+                compared += 1;
+                for (member, offset) in &members {
+                    let found = declared.iter().find(|(m, _)| m == member);
+                    if found.is_none_or(|(_, o)| *o as usize != offset + shift) {
+                        wrong.push(format!("{entry}: {name}.{member}: {found:?}, in Rust {offset}"));
+                    }
                 }
-            }
-            if declared.len() != members.len() {
-                wrong.push(format!("{entry}: {name} has {} members, in Rust {}", declared.len(), members.len()));
+                if declared.len() != members.len() {
+                    wrong.push(format!("{entry}: {name} has {} members, in Rust {}", declared.len(), members.len()));
+                }
             }
         }
     }
