@@ -21,16 +21,14 @@ vec2 nil_rotate(vec2 v, vec2 sc) {
     return vec2(v.x * sc.y - v.y * sc.x, v.x * sc.x + v.y * sc.y);
 }
 
-// sin h / h from h and its (sin, cos).
-float nil_sine_ratio(float h, vec2 sc) {
-    return abs(h) < 1e-2 ? 1.0 - h * h * (1.0 / 6.0) : sc.x / h;
+float nil_sine_ratio(float x) {
+    return abs(x) < 1e-2 ? 1.0 - x * x * (1.0 / 6.0) : m_sincos(x).x / x;
 }
 
-// (x - sin x) / x^3 at x = 2 h, from 1/6 at 0, likewise.
-float nil_fall(float h, vec2 sc) {
-    float x = 2.0 * h;
+// (x - sin x) / x^3, from 1/6 at 0.
+float nil_fall(float x) {
     float z = x * x;
-    if (z > 1.0) return (x - 2.0 * sc.x * sc.y) / (x * z);
+    if (z > 1.0) return (x - m_sincos(x).x) / (x * z);
     return 1.66666667e-1 - z * (8.33333333e-3 - z * (1.98412698e-4 - z * (2.75573192e-6 - z * 2.50521084e-8)));
 }
 
@@ -50,21 +48,18 @@ float geo_inner(vec4 p, vec4 u, vec4 v) {
 
 Geodesic geo_flow(Geodesic g, float t) {
     vec2 horizontal = g.velocity.xy;
-    float h = 0.5 * g.velocity.z * t;
-    vec2 sc = m_sincos(h);
-    vec2 middle = nil_rotate(horizontal, sc);
-    vec2 way = middle * (t * nil_sine_ratio(h, sc));
-    float symmetric = 2.0 * h * (1.0 + 0.5 * dot(horizontal, horizontal) * t * t * nil_fall(h, sc));
+    float theta = g.velocity.z * t;
+    vec2 way = nil_rotate(horizontal, m_sincos(0.5 * theta)) * (t * nil_sine_ratio(0.5 * theta));
+    float symmetric = theta * (1.0 + 0.5 * dot(horizontal, horizontal) * t * t * nil_fall(theta));
     vec3 point = nil_product(g.point.xyz, vec3(way, symmetric + 0.5 * way.x * way.y));
-    return Geodesic(vec4(point, 1.0), vec4(nil_rotate(middle, sc), g.velocity.z, 0.0));
+    return Geodesic(vec4(point, 1.0), vec4(nil_rotate(horizontal, m_sincos(theta)), g.velocity.z, 0.0));
 }
 
 // F(h) and F'(h) of the twin's geo_log.
 vec2 nil_fibre(float h, float square) {
-    vec2 sc = m_sincos(h);
-    float s = nil_sine_ratio(h, sc);
-    float share = nil_fall(h, sc) / (s * s);
-    return vec2(2.0 * h + square * h * share, 2.0 + square * (0.5 - 2.0 * share * sc.y / s));
+    float s = nil_sine_ratio(h);
+    float share = nil_fall(2.0 * h) / (s * s);
+    return vec2(2.0 * h + square * h * share, 2.0 + square * (0.5 - 2.0 * share * m_sincos(h).y / s));
 }
 
 vec4 geo_log(vec4 p, vec4 q, out float length_out) {
@@ -84,15 +79,14 @@ vec4 geo_log(vec4 p, vec4 q, out float length_out) {
         if (abs(next - h) <= 1e-7 * h) break;
         h = next;
     }
-    vec2 sc = m_sincos(h);
     float horizontal = h < M_HALF_PI
-        ? sqrt(square) / nil_sine_ratio(h, sc)
-        : sqrt(max(rise - 2.0 * h, 0.0) / (nil_fall(h, sc) * h));
+        ? sqrt(square) / nil_sine_ratio(h)
+        : sqrt(max(rise - 2.0 * h, 0.0) / (nil_fall(2.0 * h) * h));
     length_out = length(vec2(2.0 * h, horizontal));
     if (length_out == 0.0) return vec4(1.0, 0.0, 0.0, 0.0);
     float turn = symmetric < 0.0 ? -1.0 : 1.0;
     vec2 away = square > 0.0 ? way.xy * inversesqrt(square) : vec2(1.0, 0.0);
-    return vec4(nil_rotate(away, vec2(-turn * sc.x, sc.y)) * horizontal, turn * 2.0 * h, 0.0) / length_out;
+    return vec4(nil_rotate(away, m_sincos(-turn * h)) * horizontal, turn * 2.0 * h, 0.0) / length_out;
 }
 
 float geo_closeness(vec4 p, vec4 q) {
@@ -101,10 +95,9 @@ float geo_closeness(vec4 p, vec4 q) {
 
 float geo_area_density(Geodesic g, float t) {
     float h = 0.5 * g.velocity.z * t;
-    vec2 sc = m_sincos(h);
-    float s = nil_sine_ratio(h, sc);
+    float s = nil_sine_ratio(h);
     float way = dot(g.velocity.xy, g.velocity.xy) * t * t;
-    return abs(t * t * s * (s * (1.0 + 0.25 * way * s * s) - way * nil_fall(h, sc) * sc.y));
+    return abs(t * t * s * (s * (1.0 + 0.25 * way * s * s) - way * nil_fall(2.0 * h) * m_sincos(h).y));
 }
 
 float geo_length(Geodesic g, float u) {
