@@ -800,7 +800,7 @@ bindings! {
         /// Planes of the faces of the only cell, if they are [`UNROLLED_FACES`](super::UNROLLED_FACES) at most: hardware
         /// computes with uniform numbers where they are.
         32 planes: vec4[UNROLLED_FACES];
-        /// Boxes about what rests in the only cell, asked before a segment is traced.
+        /// Boxes about what rests in the only cell, asked before a segment is traced: read by address, which `arrays` has.
         33 guards: Box[GUARDS];
         /// Arrays that software reads by address: the address, and the index of the last element.
         34 arrays: uvec4[ARRAYS];

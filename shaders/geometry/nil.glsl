@@ -163,12 +163,9 @@ float geo_arc(Geodesic g, float u_max, float tolerance) {
     float lean = w * abs(2.0 * squares.x - squares.y);
     float growth = 4.0 * w * w * square;
     float deviation = tolerance / (1.0 + 0.25 * tolerance);
-    float lower = 0.0;
-    for (int i = 0; i < M_ARC_STEPS; i++) {
-        float upper = m_arc(length(vec2(turn, lean + growth * lower)), deviation, u_max);
-        lower = m_arc(length(vec2(turn, lean + growth * upper)), deviation, u_max);
-    }
-    return lower;
+    float h = 0.0;
+    for (int i = 0; i < M_ARC_STEPS; i++) h = m_arc(length(vec2(turn, lean + growth * h)), deviation, u_max);
+    return h;
 }
 
 float geo_parameter(Geodesic g, vec3 c) {

@@ -285,12 +285,9 @@ float geo_arc(Geodesic g, float u_max, float tolerance) {
     float distance = length(p.xy) / p.w;
     float third = sl2_frame_length(p, sl2_third_derivative(p, v, g.velocity.z));
     float limit = min(u_max, SL2_HORIZON);
-    float lower = 0.0;
-    for (int i = 0; i < M_ARC_STEPS; i++) {
-        float upper = m_arc(sl2_third(third, speed, distance, lower), tolerance, limit);
-        lower = m_arc(sl2_third(third, speed, distance, upper), tolerance, limit);
-    }
-    return lower;
+    float h = 0.0;
+    for (int i = 0; i < M_ARC_STEPS; i++) h = m_arc(sl2_third(third, speed, distance, h), tolerance, limit);
+    return h;
 }
 
 float geo_parameter(Geodesic g, vec3 c) {

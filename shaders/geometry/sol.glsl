@@ -352,12 +352,9 @@ float geo_arc(Geodesic g, float u_max, float tolerance) {
     vec2 across = v.xy * (2.0 * square.z + square.yx - square.xy);
     float third = 2.0 * length(vec3(across, v.z * (square.x + square.y)));
     float limit = min(u_max, SOL_HORIZON);
-    float lower = 0.0;
-    for (int i = 0; i < M_ARC_STEPS; i++) {
-        float upper = m_arc((third + 2.93 * lower) * exp(lower), tolerance, limit);
-        lower = m_arc((third + 2.93 * upper) * exp(upper), tolerance, limit);
-    }
-    return lower;
+    float h = 0.0;
+    for (int i = 0; i < M_ARC_STEPS; i++) h = m_arc((third + 2.93 * h) * exp(h), tolerance, limit);
+    return h;
 }
 
 float geo_parameter(Geodesic g, vec3 c) {

@@ -18,6 +18,10 @@ int m_whole(float k) {
     return floatBitsToInt(k + 12582912.0) - 0x4b400000;
 }
 
+ivec3 m_whole(vec3 k) {
+    return floatBitsToInt(k + 12582912.0) - 0x4b400000;
+}
+
 // x - k * (A + B + C + D) without rounding in the products: each part of the constant has at most 12 significant
 // bits and k is split into two halves of 12 bits, both towards zero: a small negative k must not become a large
 // one minus a large one.
@@ -39,14 +43,14 @@ float m_reduce(float x, float k, vec4 parts) {
 // pi/2 in four parts of 12 bits.
 const vec4 M_HALF_PI_PARTS = vec4(1.5703125, 4.837512969970703125e-4, 7.54953362047672271728515625e-8, 2.56328291925456142e-12);
 
-// (sin x, cos x), |x| < 6e6; f32 does not resolve angles much beyond that.
+// (sin x, cos x), |x| < 1e7; beyond that f32 no longer resolves an angle.
 vec2 m_sincos(float x) {
     float k = floor(x * (1.0 / M_HALF_PI) + 0.5);
     float r = m_reduce(x, k, M_HALF_PI_PARTS);
     float z = r * r;
     float s = ((-1.9515295891e-4 * z + 8.3321608736e-3) * z - 1.6666654611e-1) * z * r + r;
     float c = ((2.443315711809948e-5 * z - 1.388731625493765e-3) * z + 4.166664568298827e-2) * z * z - 0.5 * z + 1.0;
-    int quadrant = m_whole(k) & 3;
+    int quadrant = m_whole(4.0 * fract(0.25 * k));
     vec2 turned = (quadrant & 1) == 0 ? vec2(s, c) : vec2(c, s);
     return vec2(quadrant >= 2 ? -turned.x : turned.x, quadrant == 1 || quadrant == 2 ? -turned.y : turned.y);
 }
@@ -201,11 +205,11 @@ float m_cube_root(float x) {
 
 // The longest arc whose chart's third derivative is at most `third`: it deviates by third h^3 / 96 (Segment::along in
 // src/geometry/mod.rs). Geometries bound the derivative over a step h by a function of h: what no step at all allows is too
-// much, what that allows too little, and so on, M_ARC_STEPS times (longest_arc in src/geometry/curved.rs).
+// long, what that allows too short, and so on, M_ARC_STEPS times, an even number (longest_arc in src/geometry/curved.rs).
 float m_arc(float third, float tolerance, float limit) {
     return min(m_cube_root(96.0 * tolerance / max(third, 1e-30)), limit);
 }
 
-const int M_ARC_STEPS = 2;
+const int M_ARC_STEPS = 4;
 
 #endif

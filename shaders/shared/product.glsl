@@ -177,12 +177,9 @@ float geo_arc(Geodesic g, float u_max, float tolerance) {
     float lean = c * abs(g.velocity.z);
     float start = abs(g.velocity.w / g.point.w);
     float limit = min(0.45 / max(c + 1.1 * start, 1e-30), u_max);
-    float lower = 0.0;
-    for (int i = 0; i < M_ARC_STEPS; i++) {
-        float upper = m_arc(product_third(lower, lean, start, c), tolerance, limit);
-        lower = m_arc(product_third(upper, lean, start, c), tolerance, limit);
-    }
-    return lower;
+    float h = 0.0;
+    for (int i = 0; i < M_ARC_STEPS; i++) h = m_arc(product_third(h, lean, start, c), tolerance, limit);
+    return h;
 }
 
 float geo_parameter(Geodesic g, vec3 c) {

@@ -3,15 +3,14 @@
 #ifndef SAMPLING_GLSL
 #define SAMPLING_GLSL
 #include "shared/io.glsl"
-#include "shared/math.glsl"
 
 int sampling_wrap(int i, int n, uint mode) {
     if (mode == IO_WRAP_CLAMP) return clamp(i, 0, n - 1);
     if (mode == IO_WRAP_MIRROR) {
-        int j = i - 2 * n * m_whole(floor(float(i) / float(2 * n)));
+        int j = i - 2 * n * int(floor(float(i) / float(2 * n)));
         return j < n ? j : 2 * n - 1 - j;
     }
-    return i - n * m_whole(floor(float(i) / float(n)));
+    return i - n * int(floor(float(i) / float(n)));
 }
 
 vec4 sampling_texel(Texture texture_info, ivec2 at) {
@@ -28,7 +27,7 @@ vec4 sampling_bilinear(uint index, vec2 uv) {
     vec2 at = uv * vec2(texture_info.width, texture_info.height) - 0.5;
     vec2 corner = floor(at);
     vec2 part = at - corner;
-    ivec2 i = ivec2(m_whole(corner.x), m_whole(corner.y));
+    ivec2 i = ivec2(corner);
     vec4 above = mix(sampling_texel(texture_info, i), sampling_texel(texture_info, i + ivec2(1, 0)), part.x);
     vec4 below = mix(sampling_texel(texture_info, i + ivec2(0, 1)), sampling_texel(texture_info, i + ivec2(1, 1)), part.x);
     return mix(above, below, part.y);

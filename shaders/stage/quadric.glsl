@@ -2,7 +2,7 @@
 // and every tube around a geodesic is one, so the same few lines are exact for all of them.
 #ifndef QUADRIC_GLSL
 #define QUADRIC_GLSL
-#include "trace/arrays.glsl"
+#include "stage/arrays.glsl"
 #include "stage/walk.glsl"
 #include "stage/triangle.glsl"
 

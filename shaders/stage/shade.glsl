@@ -30,8 +30,7 @@ uvec2 shade_list(uint cell, vec4 point) {
     uint boxes = io_cells[cell].light_boxes;
     vec3 place = (geo_chart(point) - io_cells[cell].light_lower) * io_cells[cell].light_scale;
     // Boxes at the sides reach out without end.
-    place = floor(clamp(place, vec3(0.0), vec3(boxes - 1u)));
-    uvec3 at = uvec3(m_whole(place.x), m_whole(place.y), m_whole(place.z));
+    uvec3 at = min(uvec3(max(place, vec3(0.0))), uvec3(boxes - 1u));
     uint start = io_cells[cell].light_lists + (at.z * boxes + at.y) * boxes + at.x;
     return uvec2(io_light_lists[start], io_light_lists[start + 1u]);
 }

@@ -19,8 +19,8 @@ bool voxels_near(Segment segment, uint cell) {
     // The binary logarithm, rounded up.
     uint level = uint(max(int((floatBitsToUint(max(size.x, max(size.y, size.z))) + 0x7fffffu) >> 23u) - 127, 0));
     if (level >= IO_VOXEL_LEVELS) return true;
-    vec3 corner = floor(clamp(lower, vec3(0.0), vec3(IO_VOXELS - 1u)));
-    uvec3 at = uvec3(m_whole(corner.x), m_whole(corner.y), m_whole(corner.z)) >> level;
+    // Inside of the grid whatever `lower` is.
+    uvec3 at = (uvec3(m_whole(floor(clamp(lower, vec3(0.0), vec3(IO_VOXELS - 1u))))) & (IO_VOXELS - 1u)) >> level;
     uint edge = IO_VOXELS >> level;
     uint bit = (at.z * edge + at.y) * edge + at.x;
     // Each level has an eighth of the words of the one before.

@@ -8,7 +8,7 @@
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #include "shared/io.glsl"
 #define WALK_TOGETHER
-#include "trace/arrays.glsl"
+#include "stage/arrays.glsl"
 #include "stage/walk.glsl"
 #include "stage/triangle.glsl"
 #include "stage/quadric.glsl"

@@ -4,7 +4,7 @@
 #define RT_GLSL
 #extension GL_EXT_control_flow_attributes : require
 #include "trace/payload.glsl"
-#include "trace/arrays.glsl"
+#include "stage/arrays.glsl"
 #include "stage/slabs.glsl"
 
 layout(location = PAYLOAD) rayPayloadEXT Payload rt_payload;

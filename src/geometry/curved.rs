@@ -66,8 +66,9 @@ pub(super) fn before_passage(value: f64, rate: f64) -> Option<f64> {
     }
 }
 
-/// How often [`longest_arc`] bounds the step from above and from below: the bounds differ by less than a per cent then.
-const ARC_STEPS: u32 = 2;
+/// Bounds that [`longest_arc`] finds, from above and from below in turn: the last two, of which the last is from below, differ
+/// by less than a per cent.
+const ARC_STEPS: u32 = 4;
 
 /// Largest `h ≤ limit` with `third(h) h³/96 ≤ tolerance`, up to a per cent on the safe side, where `third(h)`,
 /// growing with `h`, bounds the metric length of the chart's third derivative over a step `h`, measured at any point of the
@@ -77,11 +78,7 @@ pub(super) fn longest_arc(limit: f64, tolerance: f64, third: impl Fn(f64) -> f64
     // A root in f32 is good enough, and many times cheaper: this is done for every segment.
     let root = |cube: f64| f64::from((cube as f32).cbrt()) * (1.0 - 1e-6);
     let allowed = |h: f64| root(96.0 * tolerance / third(h).max(1e-30)).min(limit);
-    let mut lower = 0.0;
-    for _ in 0..ARC_STEPS {
-        lower = allowed(allowed(lower));
-    }
-    lower
+    (0..ARC_STEPS).fold(0.0, |h, _| allowed(h))
 }
 
 /// Curve parameter of the curve's point nearest to a chart point: Gauss–Newton, quadratic where the point is on the
