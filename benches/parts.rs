@@ -130,7 +130,7 @@ fn traversal(criterion: &mut Criterion) {
             let world = world(&self.2);
             let shot = Shot::symmetric(self.2.observer.frame, self.2.observer.fov, [SIDE, SIDE]);
             let tracer = Tracer::new(geometry, &world, &shot);
-            let follow = Follow { tolerance: shot.tolerance(world.settings.tolerance), sagitta: world.sagitta };
+            let follow = Follow { tolerance: shot.tolerance(world.settings.tolerance) };
             let first = |pixel: u32| -> Option<(Path, Segment)> {
                 let at = [f64::from(pixel % SIDE) + 0.5, f64::from(pixel / SIDE) + 0.5];
                 let mut path = Path::new(tracer.geodesic(at), shot.eye.cell, f64::INFINITY);

@@ -82,7 +82,7 @@ structures! {
         headlight: vec3,
         /// Largest deviation of an arc from its geodesic, as an angle seen from the eye.
         tolerance: float,
-        /// Largest way from the chord of a segment to its arc, in chart units.
+        /// Largest way from the chord of a piece of an arc to the arc, in chart units, where a device's own traversal gets it.
         sagitta: float,
         /// Width and height in pixels.
         size: uvec2,
@@ -241,6 +241,20 @@ structures! {
         lower: vec3,
         /// Its upper corner.
         upper: vec3,
+    }
+
+    /// An arc that is traced, in pieces: a `Segment` of `shaders/stage/walk.glsl`.
+    struct Arc {
+        /// Where it begins, in the chart.
+        origin: vec3,
+        /// Its chord.
+        direction: vec3,
+        /// Its bend.
+        bend: vec3,
+        /// The piece that is traced.
+        piece: float,
+        /// Their number.
+        pieces: float,
     }
 
     /// The surface `Σ (form · x)² = quadratic |chart|² + constant`, `x = (chart, 1)`.
@@ -472,8 +486,10 @@ numbers! {
     BOX_SLACK: float = 4e-6;
     /// f32 counterpart of the cpu backend's slack at the edges of triangles that arcs meet, in units of the coordinates.
     ON_EDGE: float = 5e-7;
-    /// Times that a segment whose chord is too far from its arc is made shorter.
-    SAGITTA_STEPS: uint = 4;
+    /// Most pieces of an arc that a device's own traversal gets.
+    PIECES: uint = 256;
+    /// What is so near to the end of a piece counts as in it, as a share of the piece: the rounding of f32.
+    BETWEEN_PIECES: float = 1e-5;
     /// A curve that leaves a cell and comes back within one arc, no farther outside than this many times what the arc may
     /// deviate, has not left. (Chart and metric differ by less than that in a cell.)
     FACE_MARGIN: float = 8.0;
@@ -779,8 +795,8 @@ bindings! {
     22 placed_shading: writeonly TriangleShading;
     /// The boxes about them, to be written.
     23 placed_boxes: writeonly Box;
-    /// Bends of the segments in flight, one for each invocation of a launch.
-    24 bends: coherent vec3;
+    /// Arcs in flight, one for each invocation of a launch.
+    24 arcs: coherent Arc;
     /// Rays walked without a scene.
     25 walks: restrict Walk;
     /// The faces that each of them passes: as many for each as there is room for.

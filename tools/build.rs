@@ -31,6 +31,7 @@ const ENTRIES: &[&str] = &[
     "raygen_clock.rgen",
     "path_clock.comp",
     "transport.rmiss",
+    "piece.rmiss",
     "recursive.rmiss",
     "shadow.rmiss",
     "triangle.rchit",

@@ -5,6 +5,7 @@
 #include "trace/payload.glsl"
 
 layout(location = PAYLOAD) rayPayloadInEXT Payload payload;
+#include "trace/pieces.glsl"
 
 void main() {
     stage_miss(payload.path, false);
@@ -12,8 +13,6 @@ void main() {
     if (payload.path.status != PATH_FLYING || payload.path.segments > io_view[0].bounces
         || !stage_segment(payload.path, walk_limit(), io_view[0].bounces, false, segment)) return;
     count(IO_COUNT_SEGMENTS);
-    payload_bend(segment);
-    traceRayEXT(accelerationStructureEXT(io_cells[walk_cell(payload.path)].scene),
-                IO_ALPHA_MASK ? gl_RayFlagsNoneEXT : gl_RayFlagsOpaqueEXT, 0xffu, 0u, 1u, MISS_PRIMARY,
-                segment.origin, 0.0, segment.direction, 1.0, PAYLOAD);
+    pieces_trace(segment, walk_cell(payload.path), IO_ALPHA_MASK ? gl_RayFlagsNoneEXT : gl_RayFlagsOpaqueEXT, IO_KIND_ALL,
+                 MISS_PRIMARY);
 }

@@ -96,13 +96,10 @@ Segment stepped_piece(Dense dense, float share) {
     return segment;
 }
 
-// Cuts an accepted step to where its segment is fit for pictures: as near to its chord as traversal looks for it and,
-// where the method leaves the step to a tolerance, within the tolerance of pictures.
+// Cuts an accepted step to where its segment is within the tolerance of pictures, if the method leaves the step to a tolerance.
 void stepped_shorten(ChartState start, float tolerance, inout float proposal, inout Dense dense) {
-    float share = IO_INTEGRATOR == IO_INTEGRATOR_DOPRI5 ? min(stepped_share(dense, tolerance), 1.0) : 1.0;
-    vec3 size = abs(stepped_piece(dense, 1.0).bend);
-    float sagitta = 0.25 * max(size.x, max(size.y, size.z));
-    if (sagitta > io_view[0].sagitta) share = min(share, 0.9 * sqrt(io_view[0].sagitta / sagitta));
+    if (IO_INTEGRATOR != IO_INTEGRATOR_DOPRI5) return;
+    float share = stepped_share(dense, tolerance);
     if (share >= 1.0) return;
     dense = integrate_step(IO_INTEGRATOR, start, share * dense.h);
     proposal = dense.h;

@@ -156,16 +156,8 @@ Reach walk_reach(Path path, float limit) {
         reach.u = stride;
         reach.end = IO_END_ARC;
     }
-    for (uint i = 0u; i <= IO_SAGITTA_STEPS; i++) {
-        reach.state = geo_advance(g, reach.u);
-        reach.segment = segment_between(g, reach.state, reach.u);
-        // The way from the chord to the arc grows like u^2.
-        vec3 size = abs(reach.segment.bend);
-        float sagitta = 0.25 * max(size.x, max(size.y, size.z));
-        if (sagitta <= io_view[0].sagitta || i == IO_SAGITTA_STEPS) break;
-        reach.u *= 0.9 * sqrt(io_view[0].sagitta / sagitta);
-        reach.end = IO_END_ARC;
-    }
+    reach.state = geo_advance(g, reach.u);
+    reach.segment = segment_between(g, reach.state, reach.u);
     return reach;
 }
 

@@ -3,8 +3,13 @@
 #define RAY_GLSL
 #include "trace/payload.glsl"
 
+Segment ray_along(Arc arc) {
+    return Segment(arc.origin, arc.direction, arc.bend);
+}
+
 Segment ray_segment() {
-    return Segment(gl_WorldRayOriginEXT, gl_WorldRayDirectionEXT, GEO_STRAIGHT ? vec3(0.0) : io_bends[payload_launch()]);
+    if (!GEO_STRAIGHT) return ray_along(io_arcs[payload_launch()]);
+    return Segment(gl_WorldRayOriginEXT, gl_WorldRayDirectionEXT, vec3(0.0));
 }
 
 #endif

@@ -6,17 +6,14 @@
 #include "trace/payload.glsl"
 #include "stage/arrays.glsl"
 #include "stage/slabs.glsl"
+#include "stage/voxels.glsl"
 
-layout(location = PAYLOAD) rayPayloadEXT Payload rt_payload;
+layout(location = PAYLOAD) rayPayloadEXT Payload payload;
+#include "trace/pieces.glsl"
 
 // Without masks any-hit shaders need not be looked for.
 const uint RT_FLAGS = IO_ALPHA_MASK ? gl_RayFlagsNoneEXT : gl_RayFlagsOpaqueEXT;
 const uint RT_SHADOW_FLAGS = RT_FLAGS | gl_RayFlagsTerminateOnFirstHitEXT | gl_RayFlagsSkipClosestHitShaderEXT;
-
-// What is in a cell. Cells have charts of their own, so each has an acceleration structure of its own.
-accelerationStructureEXT rt_scene(uint cell) {
-    return accelerationStructureEXT(io_cells[cell].scene);
-}
 
 // Whether a segment comes near a guard.
 bool rt_beside(Slabs slabs, Box guard) {
@@ -44,29 +41,16 @@ uint rt_near(Segment segment) {
 // call, so that the invocations which hardware runs in lockstep may trace the one and the other at the same time.
 void trace_segment(inout Path path, inout Hit hit, Segment segment, bool shadow) {
     uint near = rt_near(segment);
-    if (near == 0u) {
+    if (near == 0u || !voxels_near(segment, walk_cell(path))) {
         stage_miss(path, shadow);
         return;
     }
-    payload_bend(segment);
-    rt_payload.path = path;
+    payload.path = path;
     // A shadow ray has hit something unless its miss shader says otherwise.
-    if (shadow) rt_payload.path.status = PATH_HIT;
-    uint flags = shadow ? RT_SHADOW_FLAGS : RT_FLAGS;
-    uint miss = shadow ? MISS_SHADOW : MISS_PRIMARY;
-#ifdef RT_REORDER
-    // Invocations that will run the same shader are brought together before they run it.
-    hitObjectNV found;
-    hitObjectTraceRayNV(found, rt_scene(walk_cell(path)), flags, near, 0u, 1u, miss,
-                        segment.origin, 0.0, segment.direction, 1.0, PAYLOAD);
-    reorderThreadNV(found);
-    hitObjectExecuteShaderNV(found, PAYLOAD);
-#else
-    traceRayEXT(rt_scene(walk_cell(path)), flags, near, 0u, 1u, miss,
-                segment.origin, 0.0, segment.direction, 1.0, PAYLOAD);
-#endif
-    path = rt_payload.path;
-    hit = rt_payload.hit;
+    if (shadow) payload.path.status = PATH_HIT;
+    pieces_trace(segment, walk_cell(path), shadow ? RT_SHADOW_FLAGS : RT_FLAGS, near, shadow ? MISS_SHADOW : MISS_PRIMARY);
+    path = payload.path;
+    hit = payload.hit;
 }
 
 #endif

@@ -193,19 +193,13 @@ pub fn stage_segment<G: Geometry>(
         path.status = Status::Gone;
         return None;
     };
-    // A segment must be as near to its chord as traversal looks for it and, where the method leaves the step to a
-    // tolerance, within the tolerance of pictures.
-    let mut longest = 1.0_f64;
+    // Where the method leaves the step to a tolerance, a segment must be within the tolerance of pictures as well.
     if let Method::Dopri5 { .. } = method {
-        longest = longest.min(arc_share::<G>(&dense, deviation_at(path.travelled, follow.tolerance)));
-    }
-    let sagitta = 0.25 * segment::<G>(&dense, 1.0, method).bend.abs().max_element();
-    if sagitta > follow.sagitta {
-        longest = longest.min(0.9 * (follow.sagitta / sagitta).sqrt());
-    }
-    if longest < 1.0 {
-        dense = step(geometry, method, state(path), longest * dense.h);
-        proposal = dense.h;
+        let share = arc_share::<G>(&dense, deviation_at(path.travelled, follow.tolerance));
+        if share < 1.0 {
+            dense = step(geometry, method, state(path), share * dense.h);
+            proposal = dense.h;
+        }
     }
     path.end = if dense.h < rest { End::Arc } else { End::Limit };
     let mut share = 1.0;

@@ -8,7 +8,7 @@
 use super::domain::Domain;
 use crate::{
     geometry::{Geodesic, Geometry, ON_FACE, Segment},
-    shader_io::{FACE_MARGIN, NONE, REDUCE_LIMIT, SAGITTA_STEPS, STRIDE},
+    shader_io::{FACE_MARGIN, NONE, REDUCE_LIMIT, STRIDE},
 };
 
 /// Where a segment ends.
@@ -104,14 +104,11 @@ impl Path {
 pub struct Follow {
     /// Largest deviation, as an angle seen from the source of the ray ([`deviation_at`]).
     pub tolerance: f64,
-    /// Largest way from a chord to its arc, in units of the chart: traversal by a device looks for what is so near to
-    /// the chord.
-    pub sagitta: f64,
 }
 
 impl Follow {
     /// Exactly, in segments that only the geometry limits: for walks that meet nothing.
-    pub const EXACTLY: Self = Self { tolerance: f64::INFINITY, sagitta: f64::INFINITY };
+    pub const EXACTLY: Self = Self { tolerance: f64::INFINITY };
 
     /// Largest deviation of the path's next segment, a length.
     fn deviation(self, path: &Path) -> f64 {
@@ -221,18 +218,7 @@ fn reach<G: Geometry>(geometry: G, path: &mut Path, follow: Follow) -> (f64, Opt
     if stride < u {
         (u, path.end) = (stride, End::Arc);
     }
-    let mut ahead = Segment::along(geometry, path.state, u);
-    // The way from the chord to the arc grows like u².
-    for _ in 0..SAGITTA_STEPS {
-        let sagitta = 0.25 * ahead.0.bend.abs().max_element();
-        if sagitta <= follow.sagitta {
-            break;
-        }
-        u *= 0.9 * (follow.sagitta / sagitta).sqrt();
-        path.end = End::Arc;
-        ahead = Segment::along(geometry, path.state, u);
-    }
-    (u, Some(ahead))
+    (u, Some(Segment::along(geometry, path.state, u)))
 }
 
 /// The miss stage: the segment met nothing, so the geodesic moves on to its end and through the face there, which

@@ -22,7 +22,7 @@ use rayon::prelude::*;
 pub(super) const TOLERANCE: f64 = 5e-4;
 
 /// Nothing is met on the way, so only the tolerance ends segments.
-const FOLLOW: Follow = Follow { tolerance: TOLERANCE, sagitta: f64::INFINITY };
+const FOLLOW: Follow = Follow { tolerance: TOLERANCE };
 
 /// Rays of a walk.
 const RAYS: usize = 16;

@@ -56,7 +56,7 @@ impl Walker {
             context,
             &ComputeShader { entry: "walk.comp", geometry, constants: &constants.words(), push_bytes: 0 },
         )?;
-        let view = View { tolerance: tolerance as f32, sagitta: f32::INFINITY, ..View::default() };
+        let view = View { tolerance: tolerance as f32, ..View::default() };
         let faces: Vec<_> = domain.faces.iter().map(pack::face).collect();
         let cell = |faces: &std::ops::Range<usize>| Cell {
             first_face: faces.start as u32,

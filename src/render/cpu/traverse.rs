@@ -81,7 +81,7 @@ impl<'a, G: Geometry> Tracer<'a, G> {
             hierarchy: world.hierarchy(),
             shot,
             bounces: shot.bounces(world),
-            follow: Follow { tolerance: shot.tolerance(world.settings.tolerance), sagitta: world.sagitta },
+            follow: Follow { tolerance: shot.tolerance(world.settings.tolerance) },
             uses,
         }
     }

@@ -1,15 +1,16 @@
-//! Boxes about what is in a cell, which raygen asks before it has a segment traced.
+//! What raygen asks before it has a segment traced: boxes about what is in a cell or, where geodesics are curved, its voxels.
 //!
 //! Where traversal is software, each step of it costs as much as looking at a dozen boxes that are the same for all rays, and
 //! long thin objects, such as the edges of a cell, make hierarchies through which each ray takes many steps. So there
 //! raygen looks at some boxes about what is in the cell first: instances of a kind that the segment does not come near are
-//! masked out, and a segment that comes near nothing is not traced. Hardware has no guards.
+//! masked out, and a segment that comes near nothing is not traced. Arcs are short, and one bit says the same of them
+//! (`src/render/world/voxels.rs`). Hardware has no guards.
 
 use super::scene::box_about;
 use crate::{
     render::{
         bvh::{Aabb, covers},
-        world::World,
+        world::{World, hierarchy::Hierarchy},
     },
     shader_io::{Box, GUARDS, KIND_MESHES, KIND_MOVING, KIND_QUADRICS, Specialization},
     space::domain::Domain,
@@ -26,21 +27,30 @@ const ASKING: f64 = 0.01;
 /// Guards are there if they bring the cost of a kind down to this.
 const WORTH_IT: f64 = 0.6;
 
-/// The guards of a world's only cell.
+/// The guards of a world.
 #[derive(Clone, Debug, Default)]
 pub struct Guards {
     /// Kinds of instances that are not there or have guards.
     kinds: u32,
     meshes: Vec<Box>,
     quadrics: Vec<Box>,
+    /// Voxels, if there are any.
+    pub hierarchy: Hierarchy,
 }
 
 impl Guards {
-    /// Puts boxes around what rests, for a device that traverses in software or not. There are none in worlds of several
-    /// cells, and about what most segments come near anyway.
+    /// Guards for a device that traverses in software or not: voxels, if geodesics are curved and nothing moves, else boxes around
+    /// what rests. Of these there are none in worlds of several cells, and about what most segments come near anyway.
     pub fn new(software: bool, world: &World) -> Self {
         let mut guards = Self::default();
-        if !software || world.domain.cells.len() != 1 {
+        if !software {
+            return guards;
+        }
+        if !world.geometry.is_straight() && world.rests() {
+            guards.hierarchy = Hierarchy::voxels(&world.domain, world.meshes(), &world.quadrics);
+            return guards;
+        }
+        if world.domain.cells.len() != 1 {
             return guards;
         }
         if world.rests() {

@@ -10,8 +10,9 @@
 //! structure; where isometries move the chart projectively each copy has its own vertices, and copies share one structure
 //! per cell; curved geometries, where structures are of boxes, have one for each copy.
 //!
-//! **Curved geodesics.** The device traces the chords of arcs, among boxes about the triangles that are larger by as much
-//! as an arc may bulge; an intersection shader meets the triangles with the arc.
+//! **Curved geodesics.** The device traces straight rays beside arcs, in pieces where an arc bulges much, among boxes about the
+//! triangles that are larger by as much as a piece may be away from its ray ([`World::margin`]); an intersection shader meets
+//! the triangles with the arc.
 //!
 //! **Guards** ([`guards`]): where traversal is software, raygen masks out what a segment does not come near, and traces none that
 //! comes near nothing.
@@ -35,7 +36,7 @@ use super::{
 use crate::{
     geometry::GeometryId,
     shader_io::{
-        COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, Dispatch, LIST_WIDTH, Specialization, binding, types::vec3,
+        self as io, COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, Dispatch, LIST_WIDTH, Specialization, binding,
     },
     vulkan::{
         Context, DeviceInfo, DeviceKind, Tier, VulkanError,
@@ -123,7 +124,9 @@ impl Rt {
     fn pipeline(context: &Arc<Context>, world: &World, variant: &Variant) -> Result<TracePipeline, VulkanError> {
         let recursive = variant.recursion_depth > 1;
         let transport = if recursive { "recursive.rmiss" } else { "transport.rmiss" };
-        let misses = [transport, "shadow.rmiss"];
+        let mut misses = vec![transport];
+        misses.extend((!world.geometry.is_straight()).then_some("piece.rmiss"));
+        misses.extend(world.plan.uses(Feature::Shadows).then_some("shadow.rmiss"));
         let groups: Vec<HitGroup<'_>> =
             groups(world).into_iter().map(|group| shaders_of(group, world.geometry.is_straight())).collect();
         TracePipeline::new(
@@ -131,7 +134,7 @@ impl Rt {
             &TraceShaders {
                 geometry: variant.geometry,
                 raygen: variant.raygen,
-                misses: &misses[..if world.plan.uses(Feature::Shadows) { 2 } else { 1 }],
+                misses: &misses,
                 groups: &groups,
                 constants: &variant.constants.words(),
                 push_bytes: size_of::<Dispatch>() as u32,
@@ -207,8 +210,8 @@ impl Tracer for Rt {
     fn scratch(&self, _: &DeviceInfo, [across, down, eyes]: [u32; 3]) -> Option<Scratch> {
         let [across, down] = whole_blocks([across, down]);
         let pixels: u64 = [across, down, eyes].map(u64::from).iter().product();
-        let bytes = pixels * size_of::<vec3>() as u64;
-        (!self.variant.geometry.is_straight()).then_some(Scratch { binding: binding::bends, name: "bends", bytes })
+        let bytes = pixels * size_of::<io::Arc>() as u64;
+        (!self.variant.geometry.is_straight()).then_some(Scratch { binding: binding::arcs, name: "arcs", bytes })
     }
 
     fn memory(&self) -> u64 {

@@ -180,7 +180,7 @@ impl MovingMeshes {
                 first_corner: mesh.first_corner,
                 first_triangle: slot.first_triangle,
                 count: mesh.rest.triangles.len() as u32,
-                margin: world.sagitta as f32,
+                margin: world.margin() as f32,
             }));
         }
         let (pipeline, set) = (&placer.pipeline, &placer.set);

@@ -8,7 +8,6 @@ use super::{
         plan::Feature,
         world::{
             World,
-            hierarchy::Hierarchy,
             meshes::{MeshCopy, Part},
         },
     },
@@ -135,9 +134,12 @@ impl RtScene {
         let mut arrays = [uvec4::default(); ARRAYS as usize];
         arrays[ARRAY_GUARDS as usize] =
             device.upload_addressed(&mut bound, (binding::guards, "guards"), guards.boxes().to_vec())?;
-        bound.extend(device.upload(&[(binding::arrays, "addresses of arrays", cast_slice(&arrays))])?);
+        bound.extend(device.upload(&[
+            (binding::arrays, "addresses of arrays", cast_slice(&arrays)),
+            (binding::voxels, "voxels", cast_slice(&guards.hierarchy.voxels.words)),
+        ])?);
         if !world.plan.uses(Feature::Meshes) && !world.plan.uses(Feature::Quadrics) {
-            let cells = pack::cells(world, &Hierarchy::default(), &[]);
+            let cells = pack::cells(world, &guards.hierarchy, &[]);
             bound.extend(device.upload(&[(binding::cells, "cells", cast_slice(&cells))])?);
             return Ok(Built { scene: None, bound, records });
         }
@@ -169,7 +171,7 @@ impl RtScene {
             tops.push(TopLevel::new(&device.context, &format!("cell {cell}"), capacity)?);
         }
         let addresses: Vec<uvec2> = tops.iter().map(TopLevel::address).collect();
-        let cells = pack::cells(world, &Hierarchy::default(), &addresses);
+        let cells = pack::cells(world, &guards.hierarchy, &addresses);
         bound.extend(device.upload(&[(binding::cells, "cells", cast_slice(&cells))])?);
         let mut scene = Self { still, quadrics, moving, boxes, tops, stats };
         scene.moving.pose(device, world, &mut scene.stats)?;
@@ -261,7 +263,7 @@ impl Triangles {
                 None
             } else {
                 let boxes: Vec<io::Box> =
-                    world.still.triangles.iter().map(|t| box_of_triangle(t, world.sagitta)).collect();
+                    world.still.triangles.iter().map(|t| box_of_triangle(t, world.margin())).collect();
                 Some(make("boxes", cast_slice(&boxes), size_of::<io::Box>())?)
             },
         })

@@ -336,17 +336,18 @@ impl<'a, G: Geometry> Builder<'a, G> {
     }
 }
 
-/// How far arcs may bulge: a device's boxes are as much larger than their triangles. So it is half of the size that most
-/// triangles have, but not so little that it would cut the arcs of a cell with fine meshes.
+/// How far pieces of arcs may bulge that a device's own traversal gets: boxes are larger than their triangles by half of it. So it
+/// is half of the size that most triangles have, but not so little that fine meshes would cut arcs into many pieces.
 fn sagitta<'a>(triangles: impl Iterator<Item = &'a [DVec3; 3]>) -> f64 {
-    const LEAST: f64 = 1.0 / 64.0;
+    const LEAST: f64 = 1.0 / 1024.0;
+    const NOTHING_RESTS: f64 = 1.0 / 128.0;
     let size = |[a, b, c]: &[DVec3; 3]| (a.max(*b).max(*c) - a.min(*b).min(*c)).max_element();
     let mut sizes: Vec<f64> = triangles.map(size).filter(|size| size.is_finite()).collect();
     let middle = sizes.len() / 2;
     if sizes.is_empty() {
-        return LEAST;
+        return NOTHING_RESTS;
     }
     let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
-    // As f32, so that all backends have the same number.
+    // As f32, so that boxes have room for what the device has.
     f64::from((0.5 * *median).max(LEAST) as f32)
 }

@@ -2,8 +2,8 @@
 
 use super::{Meshes, WorldQuadric, voxels::Voxels};
 use crate::{
-    render::bvh::{self, Aabb, Effort, Primitive, Tree},
-    shader_io::Node,
+    render::bvh::{self, Aabb, Effort, Grid, Primitive, Tree},
+    shader_io::{NONE, Node},
     space::domain::Domain,
 };
 
@@ -25,12 +25,7 @@ impl Hierarchy {
     pub fn new(domain: &Domain, meshes: &Meshes, quadrics: &[WorldQuadric], effort: Effort, straight: bool) -> Self {
         let mut hierarchy = Self::default();
         for cell in 0..domain.cells.len() {
-            let triangles = meshes
-                .inside(domain, cell)
-                .map(|index| (Aabb::around(meshes.triangles[index]), Primitive::Triangle(index as u32)));
-            let inside = quadrics.iter().enumerate().filter(|(_, quadric)| quadric.cell == cell);
-            let quadrics = inside.map(|(index, quadric)| (quadric.bounds, Primitive::Quadric(index as u32)));
-            let primitives: Vec<_> = triangles.chain(quadrics).collect();
+            let primitives = inside(domain, meshes, quadrics, cell);
             let tree = bvh::build(&primitives, &mut hierarchy.nodes, effort);
             hierarchy.stack = hierarchy.stack.max(tree.map_or(0, |tree| tree.stack));
             hierarchy.trees.push(tree);
@@ -40,4 +35,26 @@ impl Hierarchy {
         }
         hierarchy
     }
+
+    /// Nothing but voxels, for a device that traverses by itself.
+    pub fn voxels(domain: &Domain, meshes: &Meshes, quadrics: &[WorldQuadric]) -> Self {
+        let mut hierarchy = Self::default();
+        for cell in 0..domain.cells.len() {
+            let primitives = inside(domain, meshes, quadrics, cell);
+            let grid = primitives.iter().map(|(bounds, _)| *bounds).reduce(Aabb::union).map(Grid::new);
+            hierarchy.voxels.add(grid, &primitives, &meshes.triangles);
+            hierarchy.trees.push(grid.map(|grid| Tree { stack: 0, root: NONE, grid }));
+        }
+        hierarchy
+    }
+}
+
+/// What is in a cell.
+fn inside(domain: &Domain, meshes: &Meshes, quadrics: &[WorldQuadric], cell: usize) -> Vec<(Aabb, Primitive)> {
+    let triangles = meshes
+        .inside(domain, cell)
+        .map(|index| (Aabb::around(meshes.triangles[index]), Primitive::Triangle(index as u32)));
+    let inside = quadrics.iter().enumerate().filter(|(_, quadric)| quadric.cell == cell);
+    let quadrics = inside.map(|(index, quadric)| (quadric.bounds, Primitive::Quadric(index as u32)));
+    triangles.chain(quadrics).collect()
 }

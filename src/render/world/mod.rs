@@ -55,7 +55,7 @@ pub struct World {
     pub textures: Arc<Vec<Texture>>,
     /// Light images of all cells.
     pub lights: Arc<Lights>,
-    /// Largest way from the chord of a segment to its arc, in units of the chart ([`crate::space::walk::Follow`]).
+    /// Largest way from the chord of a piece of an arc to the arc, in units of the chart, where a device's own traversal gets it.
     pub sagitta: f64,
     /// [`World::meshes`] where something moves.
     posed: OnceLock<Meshes>,
@@ -117,6 +117,12 @@ impl World {
     /// Whether nothing may change from pose to pose.
     pub fn rests(&self) -> bool {
         self.movers.is_empty() && !self.quadrics_move
+    }
+
+    /// By how much boxes about triangles must be larger for a device's own traversal, in units of the chart: as far as an arc may
+    /// be from the straight ray that stands for it, which halves its way from the chord.
+    pub fn margin(&self) -> f64 {
+        0.5 * self.sagitta
     }
 
     /// The hierarchies of the cells in this pose.

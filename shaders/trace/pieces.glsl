@@ -1,0 +1,54 @@
+// How the device's traversal, which knows straight rays only, gets a segment. Who includes this has declared the payload.
+//
+// An arc is traced in pieces, one after the other. Each is an arc of a parabola as well, and nowhere farther than an eighth of
+// its own bend from its chord shifted by an eighth of it: that is the ray, and boxes about triangles have as much room around
+// them (World::margin). The intersection shader meets the triangles with the arc itself, and says so if it is in this piece.
+#ifndef PIECES_GLSL
+#define PIECES_GLSL
+#include "stage/walk.glsl"
+
+// In how many pieces a segment is traced: the bend of each falls with the square of their number.
+uint pieces_of(Segment segment) {
+    if (GEO_STRAIGHT) return 1u;
+    vec3 size = abs(segment.bend);
+    float sagitta = 0.25 * max(size.x, max(size.y, size.z));
+    return uint(clamp(ceil(sqrt(sagitta / io_view[0].sagitta)), 1.0, float(IO_PIECES)));
+}
+
+// What is in a cell. Cells have charts of their own, so each has an acceleration structure of its own.
+accelerationStructureEXT pieces_scene(uint cell) {
+    return accelerationStructureEXT(io_cells[cell].scene);
+}
+
+// Traces a segment in a cell; `miss` is called if it meets nothing.
+void pieces_trace(Segment segment, uint cell, uint flags, uint near, uint miss) {
+    uint count = pieces_of(segment);
+    float share = 1.0 / float(count);
+    for (uint piece = 0u;; piece++) {
+        vec3 origin = segment.origin;
+        vec3 direction = segment.direction;
+        bool last = true;
+        if (!GEO_STRAIGHT) {
+            float s = float(piece) * share;
+            io_arcs[payload_launch()] = Arc(segment.origin, segment.direction, segment.bend, float(piece), float(count));
+            origin = segment_at(segment, s) + 0.125 * share * share * segment.bend;
+            direction = share * (segment.direction + (1.0 - 2.0 * s - share) * segment.bend);
+            last = piece + 1u == count;
+        }
+#ifdef RT_REORDER
+        // Invocations that will run the same shader are brought together before they run it.
+        hitObjectNV found;
+        hitObjectTraceRayNV(found, pieces_scene(cell), flags, near, 0u, 1u, last ? miss : MISS_PIECE, origin, 0.0, direction, 1.0,
+                            PAYLOAD);
+        reorderThreadNV(found);
+        hitObjectExecuteShaderNV(found, PAYLOAD);
+#else
+        traceRayEXT(pieces_scene(cell), flags, near, 0u, 1u, last ? miss : MISS_PIECE, origin, 0.0, direction, 1.0, PAYLOAD);
+#endif
+        if (last || payload.path.status != PATH_FLYING) break;
+        // As raygen has set it: a shadow ray has hit something unless its miss shader says otherwise.
+        if (miss == MISS_SHADOW) payload.path.status = PATH_HIT;
+    }
+}
+
+#endif
