@@ -55,6 +55,7 @@ fn build() -> Result<(), String> {
         "shaders",
         "scenes",
         "src/shader_io.rs",
+        "src/shader_io",
         "src/geometry/registry.rs",
         "tools/build.rs",
         "tools/shader_compiler.rs",

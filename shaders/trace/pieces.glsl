@@ -20,11 +20,19 @@ accelerationStructureEXT pieces_scene(uint cell) {
     return accelerationStructureEXT(io_cells[cell].scene);
 }
 
-// Traces a segment in a cell; `miss` is called if it meets nothing.
-void pieces_trace(Segment segment, uint cell, uint flags, uint near, uint miss) {
+// Without masks any-hit shaders need not be looked for.
+const uint PIECES_FLAGS = IO_ALPHA_MASK ? gl_RayFlagsNoneEXT : gl_RayFlagsOpaqueEXT;
+const uint PIECES_SHADOW_FLAGS = PIECES_FLAGS | gl_RayFlagsTerminateOnFirstHitEXT | gl_RayFlagsSkipClosestHitShaderEXT;
+
+// Traces a segment of a pixel's ray or of a shadow ray in a cell, among instances of the kinds `near`.
+void pieces_trace(Segment segment, uint cell, uint near, bool shadow) {
+    uint flags = shadow ? PIECES_SHADOW_FLAGS : PIECES_FLAGS;
+    uint miss = shadow ? MISS_SHADOW : MISS_PRIMARY;
     uint count = pieces_of(segment);
     float share = 1.0 / float(count);
     for (uint piece = 0u;; piece++) {
+        // A shadow ray has hit something unless its miss shader says otherwise.
+        if (shadow) payload.path.status = PATH_HIT;
         vec3 origin = segment.origin;
         vec3 direction = segment.direction;
         bool last = true;
@@ -46,8 +54,6 @@ void pieces_trace(Segment segment, uint cell, uint flags, uint near, uint miss) 
         traceRayEXT(pieces_scene(cell), flags, near, 0u, 1u, last ? miss : MISS_PIECE, origin, 0.0, direction, 1.0, PAYLOAD);
 #endif
         if (last || payload.path.status != PATH_FLYING) break;
-        // As raygen has set it: a shadow ray has hit something unless its miss shader says otherwise.
-        if (miss == MISS_SHADOW) payload.path.status = PATH_HIT;
     }
 }
 

@@ -11,10 +11,6 @@
 layout(location = PAYLOAD) rayPayloadEXT Payload payload;
 #include "trace/pieces.glsl"
 
-// Without masks any-hit shaders need not be looked for.
-const uint RT_FLAGS = IO_ALPHA_MASK ? gl_RayFlagsNoneEXT : gl_RayFlagsOpaqueEXT;
-const uint RT_SHADOW_FLAGS = RT_FLAGS | gl_RayFlagsTerminateOnFirstHitEXT | gl_RayFlagsSkipClosestHitShaderEXT;
-
 // Whether a segment comes near a guard.
 bool rt_beside(Slabs slabs, Box guard) {
     vec3 a = fma(guard.lower, slabs.reciprocal, slabs.lower);
@@ -46,9 +42,7 @@ void trace_segment(inout Path path, inout Hit hit, Segment segment, bool shadow)
         return;
     }
     payload.path = path;
-    // A shadow ray has hit something unless its miss shader says otherwise.
-    if (shadow) payload.path.status = PATH_HIT;
-    pieces_trace(segment, walk_cell(path), shadow ? RT_SHADOW_FLAGS : RT_FLAGS, near, shadow ? MISS_SHADOW : MISS_PRIMARY);
+    pieces_trace(segment, walk_cell(path), near, shadow);
     path = payload.path;
     hit = payload.hit;
 }
