@@ -205,24 +205,29 @@ structures! {
         children: uvec4,
     }
 
-    /// Corners of a triangle, in the chart.
+    /// Corners of a triangle, in the chart; for `compute` of a pair of triangles (a, b, c) and (c, b, d), where d is c if it has
+    /// only one.
     struct Triangle {
         /// First corner.
         a: vec3,
-        /// Unused.
+        /// First coordinate of d.
         after_a: float,
         /// Second corner.
         b: vec3,
-        /// Unused.
+        /// Second coordinate of d.
         after_b: float,
         /// Third corner.
         c: vec3,
-        /// Unused.
+        /// Third coordinate of d.
         after_c: float,
     }
 
     /// What shading needs of a triangle.
     struct TriangleShading {
+        /// Index of the material.
+        material: uint,
+        /// Index of the scene's object.
+        object: uint,
         /// Chart conormal at the first corner.
         conormal_a: vec3,
         /// Chart conormal at the second corner.
@@ -233,12 +238,8 @@ structures! {
         uv_a: vec2,
         /// Texture coordinates at the second corner.
         uv_b: vec2,
-        /// Texture coordinates at the third corner.
+        /// Texture coordinates at the third corner: behind the rest, as few scenes read them.
         uv_c: vec2,
-        /// Index of the material.
-        material: uint,
-        /// Index of the scene's object.
-        object: uint,
     }
 
     /// A box about a primitive.

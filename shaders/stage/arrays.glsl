@@ -23,7 +23,7 @@ const bool ARRAYS_ADDRESSED = false;
     }
 
 ARRAYS_READ(array_node, Node, Nodes, io_nodes, IO_ARRAY_NODES)
-ARRAYS_READ(array_triangle, Triangle, Triangles, io_triangles, IO_ARRAY_TRIANGLES)
+ARRAYS_READ(array_pair, Triangle, Triangles, io_triangles, IO_ARRAY_TRIANGLES)
 ARRAYS_READ(array_quadric, Quadric, Quadrics, io_quadric_surfaces, IO_ARRAY_QUADRICS)
 ARRAYS_READ(array_quadric_shading, QuadricShading, QuadricShadings, io_quadric_shading, IO_ARRAY_QUADRIC_SHADING)
 

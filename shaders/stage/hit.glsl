@@ -69,8 +69,18 @@ void hit_arrive(inout Path path, Dense dense, float u) {
     }
 }
 
+// The triangle that traversal names.
+Triangle hit_triangle(uint name) {
+#ifdef WALK_TOGETHER
+    Triangle pair = io_triangles[name / 2u];
+    return (name & 1u) == 0u ? pair : pair_second(pair);
+#else
+    return io_triangles[name];
+#endif
+}
+
 void stage_hit_triangle(inout Path path, out Hit hit, Segment segment, uint index, uint material) {
-    Triangle triangle = io_triangles[index];
+    Triangle triangle = hit_triangle(index);
     TriangleShading shading = io_triangle_shading[index];
     vec3 solution = GEO_STRAIGHT ? triangle_solve(segment, triangle) : triangle_hit(segment, triangle);
     float s = clamp(solution.x, 0.0, 1.0);

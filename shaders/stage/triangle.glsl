@@ -6,6 +6,15 @@
 
 const float NO_HIT = 2.0;
 
+// The second triangle of a pair, beyond the edge from b to c.
+Triangle pair_second(Triangle pair) {
+    return Triangle(pair.c, 0.0, pair.b, 0.0, vec3(pair.after_a, pair.after_b, pair.after_c), 0.0);
+}
+
+bool pair_has_second(Triangle pair) {
+    return pair.after_a != pair.c.x || pair.after_b != pair.c.y || pair.after_c != pair.c.z;
+}
+
 // a x b, which is -(b x a) to the last bit: hardware that contracts one of the two products into an addition would round
 // it otherwise than the other, also in its own cross().
 vec3 triangle_cross(vec3 a, vec3 b) {
@@ -88,6 +97,38 @@ vec3 triangle_hit(Segment segment, Triangle triangle) {
     if (min(edges.x, min(edges.y, edges.z)) < 0.0 && max(edges.x, max(edges.y, edges.z)) > 0.0) return vec3(NO_HIT);
     vec3 hit = triangle_solve(segment, triangle);
     return hit.x >= 0.0 && hit.x <= 1.0 ? hit : vec3(NO_HIT);
+}
+
+// Whether a segment with these products of edges passes a triangle.
+bool triangle_passed(vec3 edges) {
+    return !(min(edges.x, min(edges.y, edges.z)) < 0.0 && max(edges.x, max(edges.y, edges.z)) > 0.0);
+}
+
+// Both hits of a pair. Straight segments ask its common edge once.
+vec3 pair_hit(Segment segment, Triangle pair, out vec3 second_hit) {
+    Triangle second = pair_second(pair);
+    second_hit = vec3(NO_HIT);
+    if (!GEO_STRAIGHT) {
+        if (pair_has_second(pair)) second_hit = triangle_hit(segment, second);
+        return triangle_hit(segment, pair);
+    }
+    precise vec3 a = pair.a - segment.origin;
+    precise vec3 b = pair.b - segment.origin;
+    precise vec3 c = pair.c - segment.origin;
+    precise vec3 d = second.c - segment.origin;
+    vec3 edges = triangle_edges(segment, a, b, c);
+    precise float wc = dot(segment.direction, triangle_cross(b, d));
+    precise float wb = dot(segment.direction, triangle_cross(d, c));
+    vec3 hit = vec3(NO_HIT);
+    if (triangle_passed(edges)) {
+        hit = triangle_solve(segment, pair);
+        if (!(hit.x >= 0.0 && hit.x <= 1.0)) hit = vec3(NO_HIT);
+    }
+    if (triangle_passed(vec3(wc, wb, -edges.x))) {
+        second_hit = triangle_solve(segment, second);
+        if (!(second_hit.x >= 0.0 && second_hit.x <= 1.0)) second_hit = vec3(NO_HIT);
+    }
+    return hit;
 }
 
 // Weights of the second and third corner of a point of the triangle's plane, clamped to the triangle.

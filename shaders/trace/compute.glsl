@@ -50,16 +50,22 @@ bool reference_is_quadric(uint reference) {
     return IO_QUADRICS && (!IO_MESHES || reference_kind(reference) == IO_REFERENCE_QUADRIC);
 }
 
-// Where the segment meets a primitive before s_end.
-float primitive_hit(Segment segment, uint reference, float s_end) {
+// Where the segment meets a leaf before s_end. The reference becomes that of what it meets.
+float leaf_hit(Segment segment, inout uint reference, float s_end) {
     uint index = reference_index(reference);
     if (reference_is_quadric(reference)) {
         count(IO_COUNT_QUADRICS);
         return quadric_hit(segment, index, s_end);
     }
+    Triangle pair = array_pair(index / 2u);
     count(IO_COUNT_TRIANGLES);
-    vec3 hit = triangle_hit(segment, array_triangle(index));
-    return IO_ALPHA_MASK && hit.x < s_end && stage_is_hole(index, hit.yz) ? NO_HIT : hit.x;
+    if (pair_has_second(pair)) count(IO_COUNT_TRIANGLES);
+    vec3 second;
+    vec3 first = pair_hit(segment, pair, second);
+    if (IO_ALPHA_MASK && first.x < s_end && stage_is_hole(index, first.yz)) first.x = NO_HIT;
+    if (IO_ALPHA_MASK && second.x < s_end && stage_is_hole(index + 1u, second.yz)) second.x = NO_HIT;
+    if (second.x < first.x) reference++;
+    return min(first.x, second.x);
 }
 
 // Invocations that walk the hierarchy together (IO_TOGETHER > 0) visit what any of them has to: where they run in lockstep
@@ -125,7 +131,7 @@ uint traverse_together(Segment segment, uint cell, bool any_hit) {
             uint child = children.references[i];
             if (among[i] && reference_kind(child) > IO_REFERENCE_NOTHING) {
                 if ((own & children.bits[i]) != 0u) {
-                    float s = primitive_hit(segment, child, s_end);
+                    float s = leaf_hit(segment, child, s_end);
                     if (s < s_end) {
                         s_end = s;
                         found = child;
@@ -183,7 +189,7 @@ uint traverse_alone(Segment segment, uint cell, bool any_hit) {
         }
         for (; primitives != 0u; primitives &= primitives - 1u) {
             uint child = children.references[findLSB(primitives)];
-            float s = primitive_hit(segment, child, s_end);
+            float s = leaf_hit(segment, child, s_end);
             if (s < s_end) {
                 s_end = s;
                 found = child;

@@ -8,6 +8,7 @@
 //! worth drawing. Children are sorted along an axis, so that the sign of a direction tells the near ones. A child is a node
 //! or a single primitive. The binary tree of what rests is improved before that, by reinsertion.
 
+pub mod pairs;
 mod reinsertion;
 
 use crate::shader_io::{
@@ -340,7 +341,7 @@ impl Collapse<'_> {
 /// What rays can hit, by its index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Primitive {
-    /// A triangle.
+    /// A triangle: twice the index of its [pair](pairs::Pair), and one more for the second of it. A leaf names the first.
     Triangle(u32),
     /// A quadric.
     Quadric(u32),
@@ -380,8 +381,8 @@ impl Reference {
     }
 }
 
-/// Most primitives and most nodes that references can name.
-pub const MAX_PRIMITIVES: usize = 1 << REFERENCE_SHIFT;
+/// Most primitives and most nodes that references can name: triangles may all be in pairs alone.
+pub const MAX_PRIMITIVES: usize = 1 << (REFERENCE_SHIFT - 1);
 
 /// Reorders two items or more and says where to cut.
 fn split(items: &mut [Item], depth: u32) -> usize {

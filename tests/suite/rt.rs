@@ -140,7 +140,8 @@ fn rt_guards_hold_what_rests() {
         world.quadrics.len() > 3
             && world.quadrics.iter().all(|q| holds(about_quadrics, q.bounds.lower, q.bounds.upper))
     );
-    let triangles: Vec<_> = world.still.inside(&world.domain, 0).map(|index| world.still.triangles[index]).collect();
+    let triangles: Vec<_> =
+        world.still.inside(&world.domain, 0).into_iter().map(|index| world.still.triangles[index as usize]).collect();
     assert!(triangles.len() > 100, "{} triangles", triangles.len());
     for [a, b, c] in triangles {
         assert!(holds(about_meshes, a.min(b).min(c), a.max(b).max(c)), "a triangle at {a}");

@@ -67,7 +67,7 @@ impl Tracer for Compute {
         let mut nodes = hierarchy.nodes.clone();
         let (mut quadrics, mut quadric_shading) = Default::default();
         let (triangles, shading) = if world.plan.uses(Feature::Meshes) {
-            pack::triangles_in_order(world.meshes(), &mut nodes)
+            pack::pairs_in_order(world.meshes(), &hierarchy.pairs, &mut nodes)
         } else {
             Default::default()
         };

@@ -235,10 +235,10 @@ impl<G: Geometry> Tracer<'_, G> {
     /// Moves the path's state to the hit and reads the surface there.
     pub(super) fn stage_closest_hit(&self, path: &mut Path, segment: Segment, primitive: Primitive) -> Surface {
         let quadric = |index: u32| &self.world.quadrics[index as usize];
-        let corners = |index: u32| self.meshes.triangles[index as usize];
+        let corners = |name: u32| self.meshes.triangles[self.triangle(name)];
         let (s, mut weights) = match primitive {
             Primitive::Quadric(index) => (quadric_hit(segment, quadric(index)), DVec2::ZERO),
-            Primitive::Triangle(index) => triangle_hit::<G>(segment, corners(index)),
+            Primitive::Triangle(name) => triangle_hit::<G>(segment, corners(name)),
         };
 
         // The state at the hit, on the geodesic itself.
@@ -249,8 +249,8 @@ impl<G: Geometry> Tracer<'_, G> {
             let plane = match primitive {
                 // The point that the segment meets is where the curve passes the plane through it, across.
                 Primitive::Quadric(_) => (segment.direction, at),
-                Primitive::Triangle(index) => {
-                    let [a, b, c] = corners(index);
+                Primitive::Triangle(name) => {
+                    let [a, b, c] = corners(name);
                     ((b - a).cross(c - a), a)
                 }
             };
@@ -274,8 +274,8 @@ impl<G: Geometry> Tracer<'_, G> {
                 let conormal = quadric.surface.gradient(at);
                 (conormal, conormal.dot(tangent) > 0.0, quadric.material, quadric.object, DVec2::ZERO)
             }
-            Primitive::Triangle(index) => {
-                let (corners, shading) = (corners(index), &self.meshes.shading[index as usize]);
+            Primitive::Triangle(name) => {
+                let (corners, shading) = (corners(name), &self.meshes.shading[self.triangle(name)]);
                 if !G::STRAIGHT {
                     weights = triangle_weights(corners, at);
                 }

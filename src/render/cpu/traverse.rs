@@ -143,21 +143,35 @@ impl<'a, G: Geometry> Tracer<'a, G> {
         }
     }
 
-    /// Where the segment meets a primitive; holes only matter before `s_end`.
-    fn meet(&self, segment: Segment, primitive: Primitive, s_end: f64, counts: &mut Counts) -> f64 {
-        match primitive {
+    /// Where the segment meets a leaf, and what; holes only matter before `s_end`.
+    fn meet(&self, segment: Segment, leaf: Primitive, s_end: f64, counts: &mut Counts) -> (f64, Primitive) {
+        match leaf {
             Primitive::Quadric(index) => {
                 self.count(counts, COUNT_QUADRICS);
-                quadric_hit(segment, &self.world.quadrics[index as usize])
+                (quadric_hit(segment, &self.world.quadrics[index as usize]), leaf)
             }
             Primitive::Triangle(index) => {
-                self.count(counts, COUNT_TRIANGLES);
-                let (s, weights) = triangle_hit::<G>(segment, self.meshes.triangles[index as usize]);
-                let shading = || &self.meshes.shading[index as usize];
-                let hole = self.uses.alpha_mask && s < s_end && is_hole(self.world, shading(), weights);
-                if hole { NO_HIT } else { s }
+                let first = (self.meet_triangle(segment, index, s_end, counts), leaf);
+                if self.hierarchy.pairs[index as usize / 2].is_single() {
+                    return first;
+                }
+                let second = (self.meet_triangle(segment, index + 1, s_end, counts), Primitive::Triangle(index + 1));
+                if second.0 < first.0 { second } else { first }
             }
         }
+    }
+
+    fn meet_triangle(&self, segment: Segment, name: u32, s_end: f64, counts: &mut Counts) -> f64 {
+        self.count(counts, COUNT_TRIANGLES);
+        let index = self.triangle(name);
+        let (s, weights) = triangle_hit::<G>(segment, self.meshes.triangles[index]);
+        let hole = self.uses.alpha_mask && s < s_end && is_hole(self.world, &self.meshes.shading[index], weights);
+        if hole { NO_HIT } else { s }
+    }
+
+    /// Index of the triangle that [`Primitive::Triangle`] names.
+    pub(super) fn triangle(&self, name: u32) -> usize {
+        self.hierarchy.pairs[name as usize / 2].triangles[name as usize % 2] as usize
     }
 
     /// Walks the hierarchy of a cell front to back and returns the primitive hit; with `any_hit` the first one found will do.
@@ -194,8 +208,8 @@ impl<'a, G: Geometry> Tracer<'a, G> {
                 if !entered[i] {
                     continue;
                 }
-                let Reference::Primitive(primitive) = Reference::read(node.children[i]) else { continue };
-                let s = self.meet(segment, primitive, s_end, counts);
+                let Reference::Primitive(leaf) = Reference::read(node.children[i]) else { continue };
+                let (s, primitive) = self.meet(segment, leaf, s_end, counts);
                 if s < s_end {
                     s_end = s;
                     hit = Some(primitive);

@@ -3,7 +3,7 @@
 use crate::{
     geometry::Isometry,
     render::{
-        bvh::{Primitive, Reference},
+        bvh::{Primitive, Reference, pairs::Pair},
         plan::Feature,
         world::{World, WorldQuadric, hierarchy::Hierarchy, meshes::Meshes},
     },
@@ -131,18 +131,37 @@ fn triangle([a, b, c]: &[DVec3; 3]) -> io::Triangle {
     io::Triangle { a: vec3(*a), b: vec3(*b), c: vec3(*c), ..io::Triangle::default() }
 }
 
-/// Corners and shading data of triangles in the order in which nodes name them, so that those of one node lie side by side; the
-/// nodes name them by their places then.
-pub fn triangles_in_order(meshes: &Meshes, nodes: &mut [io::Node]) -> (Vec<io::Triangle>, Vec<io::TriangleShading>) {
+/// Corners of pairs of triangles and shading data of their triangles, in the order in which nodes name them, so that those of one
+/// node lie side by side; the nodes name them by their places then.
+pub fn pairs_in_order(
+    meshes: &Meshes,
+    pairs: &[Pair],
+    nodes: &mut [io::Node],
+) -> (Vec<io::Triangle>, Vec<io::TriangleShading>) {
     let (mut corners, mut shading) = (Vec::new(), Vec::new());
     for child in nodes.iter_mut().flat_map(|node| &mut node.children) {
-        if let Reference::Primitive(Primitive::Triangle(index)) = Reference::read(*child) {
-            *child = Reference::Primitive(Primitive::Triangle(corners.len() as u32)).word();
-            corners.push(triangle(&meshes.triangles[index as usize]));
-            shading.push(meshes.shading[index as usize]);
+        if let Reference::Primitive(Primitive::Triangle(name)) = Reference::read(*child) {
+            *child = Reference::Primitive(Primitive::Triangle(2 * corners.len() as u32)).word();
+            let Pair { triangles, turns } = pairs[name as usize / 2];
+            let [mut first, mut second] = triangles.map(|index| meshes.triangles[index as usize]);
+            first.rotate_left(turns[0]);
+            second.rotate_left(turns[1]);
+            let [after_a, after_b, after_c] = vec3(second[2]);
+            corners.push(io::Triangle { after_a, after_b, after_c, ..triangle(&first) });
+            shading.extend([0, 1].map(|i| turned(&meshes.shading[triangles[i] as usize], turns[i])));
         }
     }
     (corners, shading)
+}
+
+/// Shading data of a triangle that begins by another corner.
+fn turned(shading: &io::TriangleShading, turn: usize) -> io::TriangleShading {
+    let mut conormals = [shading.conormal_a, shading.conormal_b, shading.conormal_c];
+    let mut uvs = [shading.uv_a, shading.uv_b, shading.uv_c];
+    conormals.rotate_left(turn);
+    uvs.rotate_left(turn);
+    let ([conormal_a, conormal_b, conormal_c], [uv_a, uv_b, uv_c]) = (conormals, uvs);
+    io::TriangleShading { conormal_a, conormal_b, conormal_c, uv_a, uv_b, uv_c, ..*shading }
 }
 
 /// The surface of a quadric.

@@ -98,7 +98,7 @@ fn best(domain: &Domain, about: &[Aabb]) -> Option<Vec<Box>> {
 /// Boxes of the resting triangles, by runs of neighbours: few enough to be split quickly.
 fn runs(world: &World) -> Vec<Aabb> {
     const RUNS: usize = 4096;
-    let triangles: Vec<usize> = world.still.inside(&world.domain, 0).collect();
+    let triangles: Vec<usize> = world.still.inside(&world.domain, 0).into_iter().map(|index| index as usize).collect();
     let run = triangles.len().div_ceil(RUNS).max(1);
     let around = |run: &[usize]| Aabb::around(run.iter().flat_map(|&index| world.still.triangles[index]));
     triangles.chunks(run).map(around).collect()

@@ -2,7 +2,10 @@
 
 use super::{Meshes, WorldQuadric, voxels::Voxels};
 use crate::{
-    render::bvh::{self, Aabb, Effort, Grid, Primitive, Tree},
+    render::bvh::{
+        self, Aabb, Effort, Grid, Primitive, Tree,
+        pairs::{Pair, pairs},
+    },
     shader_io::{NONE, Node},
     space::domain::Domain,
 };
@@ -16,6 +19,8 @@ pub struct Hierarchy {
     pub stack: u32,
     /// For each cell, its hierarchy, if it has anything in it.
     pub trees: Vec<Option<Tree>>,
+    /// Triangles as leaves have them.
+    pub pairs: Vec<Pair>,
     /// Voxels of the cells, where geodesics are curved: without, segments are as long as cells.
     pub voxels: Voxels,
 }
@@ -25,12 +30,18 @@ impl Hierarchy {
     pub fn new(domain: &Domain, meshes: &Meshes, quadrics: &[WorldQuadric], effort: Effort, straight: bool) -> Self {
         let mut hierarchy = Self::default();
         for cell in 0..domain.cells.len() {
-            let primitives = inside(domain, meshes, quadrics, cell);
-            let tree = bvh::build(&primitives, &mut hierarchy.nodes, effort);
+            let first = hierarchy.pairs.len();
+            hierarchy.pairs.extend(pairs(&meshes.triangles, &meshes.inside(domain, cell)));
+            let leaves = hierarchy.pairs[first..]
+                .iter()
+                .zip(first as u32..)
+                .map(|(pair, index)| (pair.bounds(&meshes.triangles), Primitive::Triangle(2 * index)));
+            let leaves: Vec<_> = leaves.chain(quadrics_inside(quadrics, cell)).collect();
+            let tree = bvh::build(&leaves, &mut hierarchy.nodes, effort);
             hierarchy.stack = hierarchy.stack.max(tree.map_or(0, |tree| tree.stack));
             hierarchy.trees.push(tree);
             if !straight {
-                hierarchy.voxels.add(tree.map(|tree| tree.grid), &primitives, &meshes.triangles);
+                hierarchy.add_voxels(tree.map(|tree| tree.grid), domain, meshes, quadrics);
             }
         }
         hierarchy
@@ -40,21 +51,27 @@ impl Hierarchy {
     pub fn voxels(domain: &Domain, meshes: &Meshes, quadrics: &[WorldQuadric]) -> Self {
         let mut hierarchy = Self::default();
         for cell in 0..domain.cells.len() {
-            let primitives = inside(domain, meshes, quadrics, cell);
-            let grid = primitives.iter().map(|(bounds, _)| *bounds).reduce(Aabb::union).map(Grid::new);
-            hierarchy.voxels.add(grid, &primitives, &meshes.triangles);
+            let triangles = meshes.inside(domain, cell).into_iter().flat_map(|index| meshes.triangles[index as usize]);
+            let quadrics_inside = quadrics_inside(quadrics, cell).map(|(bounds, _)| bounds);
+            let bounds = quadrics_inside.fold(Aabb::around(triangles), Aabb::union);
+            let grid = (bounds != Aabb::EMPTY).then(|| Grid::new(bounds));
+            hierarchy.add_voxels(grid, domain, meshes, quadrics);
             hierarchy.trees.push(grid.map(|grid| Tree { stack: 0, root: NONE, grid }));
         }
         hierarchy
     }
+
+    /// The voxels of the next cell.
+    fn add_voxels(&mut self, grid: Option<Grid>, domain: &Domain, meshes: &Meshes, quadrics: &[WorldQuadric]) {
+        let cell = self.voxels.grids.len();
+        let triangles = meshes.inside(domain, cell).into_iter().map(|index| meshes.triangles[index as usize]);
+        let boxes = quadrics_inside(quadrics, cell).map(|(bounds, _)| bounds);
+        self.voxels.add(grid, triangles, boxes);
+    }
 }
 
-/// What is in a cell.
-fn inside(domain: &Domain, meshes: &Meshes, quadrics: &[WorldQuadric], cell: usize) -> Vec<(Aabb, Primitive)> {
-    let triangles = meshes
-        .inside(domain, cell)
-        .map(|index| (Aabb::around(meshes.triangles[index]), Primitive::Triangle(index as u32)));
-    let inside = quadrics.iter().enumerate().filter(|(_, quadric)| quadric.cell == cell);
-    let quadrics = inside.map(|(index, quadric)| (quadric.bounds, Primitive::Quadric(index as u32)));
-    triangles.chain(quadrics).collect()
+/// The quadrics in a cell.
+fn quadrics_inside(quadrics: &[WorldQuadric], cell: usize) -> impl Iterator<Item = (Aabb, Primitive)> {
+    let inside = (0..).zip(quadrics).filter(move |(_, quadric)| quadric.cell == cell);
+    inside.map(|(index, quadric)| (quadric.bounds, Primitive::Quadric(index)))
 }

@@ -204,13 +204,13 @@ impl Meshes {
     }
 
     /// Triangles of a cell that are not altogether outside of it.
-    pub fn inside<'a>(&'a self, domain: &'a Domain, cell: usize) -> impl Iterator<Item = usize> + 'a {
-        let copies = self.copies.iter().filter(move |copy| copy.cell == cell);
+    pub fn inside(&self, domain: &Domain, cell: usize) -> Vec<u32> {
+        let copies = self.copies.iter().filter(|copy| copy.cell == cell);
         let triangles = copies.flat_map(|copy| copy.parts.iter().flat_map(|part| part.triangles.clone()));
-        let outside = move |index: usize| {
+        let outside = |index: usize| {
             let corners = self.triangles[index];
             beyond_one_face(domain, cell, |plane| corners.iter().all(|c| plane.dot(c.extend(1.0)) > TOUCHING))
         };
-        triangles.filter(move |index| !outside(*index))
+        triangles.filter(|index| !outside(*index)).map(|index| index as u32).collect()
     }
 }

@@ -7,7 +7,7 @@
 
 use crate::{
     geometry::Segment,
-    render::bvh::{Aabb, Grid, Primitive},
+    render::bvh::{Aabb, Grid},
     shader_io::{LINES, VOXEL_LEVELS, VOXELS},
 };
 use glam::DVec3;
@@ -44,18 +44,18 @@ pub struct VoxelGrid {
 }
 
 impl Voxels {
-    /// Adds the next cell: the grid of its hierarchy, if it has one, and the primitives in it. Triangles are told by their
-    /// indices.
-    pub fn add(&mut self, grid: Option<Grid>, primitives: &[(Aabb, Primitive)], triangles: &[[DVec3; 3]]) {
+    /// Adds the next cell: the grid of its hierarchy, if it has one, the triangles in it and the boxes about what else is in it.
+    pub fn add(
+        &mut self,
+        grid: Option<Grid>,
+        triangles: impl IntoIterator<Item = [DVec3; 3]>,
+        boxes: impl IntoIterator<Item = Aabb>,
+    ) {
         let grid = grid.and_then(|grid| VoxelGrid::new(grid, self.words.len() as u32));
         if let Some(grid) = grid {
             let mut filled = Filled::new();
-            for (bounds, primitive) in primitives {
-                match primitive {
-                    Primitive::Triangle(index) => filled.add_triangle(triangles[*index as usize], &grid),
-                    Primitive::Quadric(_) => filled.add(grid.span(*bounds)),
-                }
-            }
+            triangles.into_iter().for_each(|corners| filled.add_triangle(corners, &grid));
+            boxes.into_iter().for_each(|bounds| filled.add(grid.span(bounds)));
             filled.write(&mut self.words);
         }
         self.grids.push(grid);
@@ -221,11 +221,10 @@ mod tests {
     }
 
     fn voxels(triangles: &[[DVec3; 3]], boxes: &[Aabb]) -> Voxels {
-        let about = triangles.iter().map(|corners| Aabb::around(*corners)).zip((0..).map(Primitive::Triangle));
-        let primitives: Vec<_> = about.chain(boxes.iter().copied().zip((0..).map(Primitive::Quadric))).collect();
-        let all = primitives.iter().map(|(bounds, _)| *bounds).reduce(Aabb::union);
+        let about = triangles.iter().map(|corners| Aabb::around(*corners));
+        let all = about.chain(boxes.iter().copied()).reduce(Aabb::union);
         let mut voxels = Voxels::default();
-        voxels.add(all.map(Grid::new), &primitives, triangles);
+        voxels.add(all.map(Grid::new), triangles.iter().copied(), boxes.iter().copied());
         voxels
     }
 
