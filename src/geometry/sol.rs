@@ -25,7 +25,7 @@ use super::{
     spatial,
 };
 use glam::{DMat3, DMat4, DVec3, DVec4, Vec4Swizzles};
-use series::{Track, differential};
+use series::{Track, differential, spreading};
 
 pub use series::{ORDER, endpoint_with};
 
@@ -136,7 +136,7 @@ impl Geometry for Sol {
 
     fn area_density(&self, g: Geodesic, t: f64) -> f64 {
         let v = spatial(g.velocity);
-        wave_area(differential(v, t).1, v, t)
+        wave_area(spreading(v, t), v, t)
     }
 
     fn length(&self, _g: Geodesic, u: f64) -> f64 {

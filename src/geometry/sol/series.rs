@@ -13,6 +13,17 @@ pub(super) const STEP: f64 = 0.25;
 /// Order of the series that short steps need, of which each order gains more.
 const SHORT_ORDER: usize = 14;
 
+/// 1/(k + 1): multiplying is far faster than dividing by whole numbers, of which a series has three for each order.
+const SHARES: [f64; ORDER + 1] = {
+    let mut shares = [1.0; ORDER + 1];
+    let mut k = 0;
+    while k <= ORDER {
+        shares[k] = 1.0 / (k + 1) as f64;
+        k += 1;
+    }
+    shares
+};
+
 /// From this length on whole periods are counted.
 const LONG: f64 = 64.0;
 
@@ -37,38 +48,48 @@ const fn limits<T: Elementary>() -> Limits {
 /// The series from the identity: `e²ᶻ`, `e⁻²ᶻ` and `w = z′`.
 pub(super) struct Series<T, const N: usize> {
     velocity: Real3<T>,
-    p: [T; N],
-    q: [T; N],
+    pq: [[T; 2]; N],
     w: [T; N],
+}
+
+/// The next coefficients of the products of `e²ᶻ` and of `e⁻²ᶻ` with another series, of which as many are known. Two sums each,
+/// so that no addition waits for the one before.
+fn products<T: Elementary>(pq: &[[T; 2]], other: &[T]) -> [T; 2] {
+    let mut sums = [[T::from_f64(0.0); 2]; 2];
+    let mut terms = pq.iter().zip(other.iter().rev());
+    let mut add = |i: usize, ([p, q], x): (&[T; 2], &T)| sums[i] = [sums[i][0] + *p * *x, sums[i][1] + *q * *x];
+    while let Some(term) = terms.next() {
+        add(0, term);
+        if let Some(term) = terms.next() {
+            add(1, term);
+        }
+    }
+    [sums[0][0] + sums[1][0], sums[0][1] + sums[1][1]]
 }
 
 impl<T: Elementary, const N: usize> Series<T, N> {
     fn new(velocity: Real3<T>) -> Self {
         let [zero, one, two] = [0.0, 1.0, 2.0].map(T::from_f64);
-        let (mut p, mut q, mut w) = ([zero; N], [zero; N], [zero; N]);
-        (p[0], q[0], w[0]) = (one, one, velocity.z);
+        let (mut pq, mut w) = ([[zero; 2]; N], [zero; N]);
+        (pq[0], w[0]) = ([one; 2], velocity.z);
         let (uu, vv) = (velocity.x * velocity.x, velocity.y * velocity.y);
         for k in 0..N - 1 {
-            let next = T::from_f64((k + 1) as f64);
-            let (mut pw, mut qw) = (zero, zero);
-            for j in 0..=k {
-                pw = pw + p[j] * w[k - j];
-                qw = qw + q[j] * w[k - j];
-            }
-            w[k + 1] = (vv * q[k] - uu * p[k]) / next;
-            p[k + 1] = two * pw / next;
-            q[k + 1] = -two * qw / next;
+            let share = T::from_f64(SHARES[k]);
+            let [pw, qw] = products(&pq[..=k], &w[..=k]);
+            w[k + 1] = (vv * pq[k][1] - uu * pq[k][0]) * share;
+            pq[k + 1] = [two * pw * share, -two * qw * share];
         }
-        Self { velocity, p, q, w }
+        Self { velocity, pq, w }
     }
 
     /// Point after `s`, in coordinates about the start, and its derivative.
     pub(super) fn chart(&self, s: T) -> (Real3<T>, Real3<T>) {
         let (mut end, mut rate) = (Real3::zero(), Real3::zero());
         for k in (0..N).rev() {
-            let term = Real3::new(self.velocity.x * self.p[k], self.velocity.y * self.q[k], self.w[k]);
+            let [p, q] = self.pq[k];
+            let term = Real3::new(self.velocity.x * p, self.velocity.y * q, self.w[k]);
             rate = rate * s + term;
-            end = end * s + term / T::from_f64((k + 1) as f64);
+            end = end * s + term * T::from_f64(SHARES[k]);
         }
         (end * s, rate)
     }
@@ -83,20 +104,16 @@ impl<const N: usize> Series<f64, N> {
         let mut out = [0.0; 4];
         let mut power = s;
         for k in 0..N {
-            let (mut pz, mut qz) = (0.0, 0.0);
-            for j in 0..=k {
-                pz += self.p[j] * dz[k - j];
-                qz += self.q[j] * dz[k - j];
-            }
-            let next = (k + 1) as f64;
-            let bend = 2.0 * (v * (b * self.q[k] - v * qz) - u * (a * self.p[k] + u * pz));
-            let terms = [a * self.p[k] + 2.0 * u * pz, b * self.q[k] - 2.0 * v * qz, dw[k], bend];
+            let ([p, q], [pz, qz]) = (self.pq[k], products(&self.pq[..=k], &dz[..=k]));
+            let share = SHARES[k];
+            let bend = 2.0 * (v * (b * q - v * qz) - u * (a * p + u * pz));
+            let terms = [a * p + 2.0 * u * pz, b * q - 2.0 * v * qz, dw[k], bend];
             for (sum, term) in out.iter_mut().zip(terms) {
-                *sum += term * power / next;
+                *sum += term * (power * share);
             }
             if k + 1 < N {
-                dz[k + 1] = dw[k] / next;
-                dw[k + 1] = bend / next;
+                dz[k + 1] = dw[k] * share;
+                dw[k + 1] = bend * share;
             }
             power *= s;
         }
@@ -242,8 +259,8 @@ pub fn endpoint_with<const N: usize>(velocity: DVec3, t: f64, count: usize) -> D
 }
 
 /// End point after length `t` for unit `velocity`, and the differential of the exponential map at `t velocity` in
-/// the frames of both ends; infinite beyond the reach.
-pub(super) fn differential(velocity: DVec3, t: f64) -> (DVec3, DMat3) {
+/// the frames of both ends, by series of order `N − 1`; infinite beyond the reach.
+fn differential_with<const N: usize>(velocity: DVec3, t: f64) -> (DVec3, DMat3) {
     if t == 0.0 {
         return (DVec3::ZERO, DMat3::IDENTITY);
     }
@@ -252,11 +269,14 @@ pub(super) fn differential(velocity: DVec3, t: f64) -> (DVec3, DMat3) {
     }
     let mut track = Track::new(Real3::from_f64(velocity));
     let (count, h) = steps(t);
-    // Of each axis of the velocity's space: variation of x, y (in coordinates about the start), z and w.
-    let mut varied = DVec3::AXES.map(|axis| [0.0, 0.0, 0.0, axis.z]);
+    // It takes the velocity to that at the end, so two more of its images say all: those of the axes that lie farthest from it.
+    let along = velocity.abs().max_position();
+    let across = [(along + 1) % 3, (along + 2) % 3];
+    // Of each of these axes: variation of x, y (in coordinates about the start), z and w.
+    let mut varied = across.map(|axis| [0.0, 0.0, 0.0, DVec3::AXES[axis].z]);
     for _ in 0..count {
-        let (rise, series) = (track.rise(), track.series());
-        for (axis, [x, y, z, w]) in DVec3::AXES.iter().zip(&mut varied) {
+        let (rise, series) = (track.rise(), Series::<f64, N>::new(track.velocity()));
+        for (axis, [x, y, z, w]) in across.map(|axis| DVec3::AXES[axis]).iter().zip(&mut varied) {
             let [dx, dy, dz, dw] = series.vary([axis.x * rise, axis.y / rise, *z, *w], h);
             *x += rise * dx;
             *y += dy / rise;
@@ -265,8 +285,24 @@ pub(super) fn differential(velocity: DVec3, t: f64) -> (DVec3, DMat3) {
         track.step(&series, h);
     }
     let rise = track.rise();
-    let [a, b, c] = varied.map(|[x, y, z, _]| DVec3::new(x / rise, y * rise, z) / t);
-    (track.point().to_f64(), DMat3::from_cols(a, b, c))
+    let mut images = [DVec3::ZERO; 3];
+    let mut rest = track.velocity().to_f64();
+    for (axis, [x, y, z, _]) in across.into_iter().zip(varied) {
+        images[axis] = DVec3::new(x / rise, y * rise, z) / t;
+        rest -= velocity[axis] * images[axis];
+    }
+    images[along] = rest / velocity[along];
+    (track.point().to_f64(), DMat3::from_cols_array_2d(&images.map(|image| image.to_array())))
+}
+
+/// End point and differential, exact to rounding.
+pub(super) fn differential(velocity: DVec3, t: f64) -> (DVec3, DMat3) {
+    differential_with::<{ ORDER + 1 }>(velocity, t)
+}
+
+/// The differential for how much light there is, to 10⁻¹¹ of it in each step.
+pub(super) fn spreading(velocity: DVec3, t: f64) -> DMat3 {
+    differential_with::<{ SHORT_ORDER + 1 }>(velocity, t).1
 }
 
 /// Parallel transport of `vector` by length `t`. In the left-invariant frame `p′ = u r`, `q′ = −v r`,
