@@ -82,7 +82,7 @@ Triangle hit_triangle(uint name) {
 void stage_hit_triangle(inout Path path, out Hit hit, Segment segment, uint index, uint material) {
     Triangle triangle = hit_triangle(index);
     TriangleShading shading = io_triangle_shading[index];
-    vec3 solution = GEO_STRAIGHT ? triangle_solve(segment, triangle) : triangle_hit(segment, triangle);
+    vec3 solution = GEO_STRAIGHT ? triangle_solve(segment, triangle) : triangle_hit_arc(segment, triangle);
     float s = clamp(solution.x, 0.0, 1.0);
     Dense dense = hit_step(path);
     if (HIT_STRAIGHT) {

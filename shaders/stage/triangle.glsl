@@ -87,48 +87,31 @@ vec3 triangle_hit_arc(Segment segment, Triangle triangle) {
     return first.x != NO_HIT ? first : triangle_hit_at(segment, triangle, max(one, other));
 }
 
-// The same, with s = NO_HIT where the segment does not pass inside or ends before.
-vec3 triangle_hit(Segment segment, Triangle triangle) {
-    if (!GEO_STRAIGHT) return triangle_hit_arc(segment, triangle);
-    precise vec3 a = triangle.a - segment.origin;
-    precise vec3 b = triangle.b - segment.origin;
-    precise vec3 c = triangle.c - segment.origin;
-    vec3 edges = triangle_edges(segment, a, b, c);
+// The solution for a segment with these products of edges, or NO_HIT where it does not pass inside or ends before.
+vec3 triangle_hit_chord(Segment segment, Triangle triangle, vec3 edges) {
     if (min(edges.x, min(edges.y, edges.z)) < 0.0 && max(edges.x, max(edges.y, edges.z)) > 0.0) return vec3(NO_HIT);
     vec3 hit = triangle_solve(segment, triangle);
     return hit.x >= 0.0 && hit.x <= 1.0 ? hit : vec3(NO_HIT);
 }
 
-// Whether a segment with these products of edges passes a triangle.
-bool triangle_passed(vec3 edges) {
-    return !(min(edges.x, min(edges.y, edges.z)) < 0.0 && max(edges.x, max(edges.y, edges.z)) > 0.0);
-}
-
-// Both hits of a pair. Straight segments ask its common edge once.
-vec3 pair_hit(Segment segment, Triangle pair, out vec3 second_hit) {
-    Triangle second = pair_second(pair);
-    second_hit = vec3(NO_HIT);
+// Where a segment meets both triangles of a pair. Straight ones ask the common edge once.
+void pair_hits(Segment segment, Triangle pair, out vec3 first, out vec3 second) {
+    Triangle other = pair_second(pair);
     if (!GEO_STRAIGHT) {
-        if (pair_has_second(pair)) second_hit = triangle_hit(segment, second);
-        return triangle_hit(segment, pair);
+        first = triangle_hit_arc(segment, pair);
+        second = vec3(NO_HIT);
+        if (pair_has_second(pair)) second = triangle_hit_arc(segment, other);
+        return;
     }
     precise vec3 a = pair.a - segment.origin;
     precise vec3 b = pair.b - segment.origin;
     precise vec3 c = pair.c - segment.origin;
-    precise vec3 d = second.c - segment.origin;
+    precise vec3 d = other.c - segment.origin;
     vec3 edges = triangle_edges(segment, a, b, c);
     precise float wc = dot(segment.direction, triangle_cross(b, d));
     precise float wb = dot(segment.direction, triangle_cross(d, c));
-    vec3 hit = vec3(NO_HIT);
-    if (triangle_passed(edges)) {
-        hit = triangle_solve(segment, pair);
-        if (!(hit.x >= 0.0 && hit.x <= 1.0)) hit = vec3(NO_HIT);
-    }
-    if (triangle_passed(vec3(wc, wb, -edges.x))) {
-        second_hit = triangle_solve(segment, second);
-        if (!(second_hit.x >= 0.0 && second_hit.x <= 1.0)) second_hit = vec3(NO_HIT);
-    }
-    return hit;
+    first = triangle_hit_chord(segment, pair, edges);
+    second = triangle_hit_chord(segment, other, vec3(wc, wb, -edges.x));
 }
 
 // Weights of the second and third corner of a point of the triangle's plane, clamped to the triangle.

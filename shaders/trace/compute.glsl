@@ -60,8 +60,9 @@ float leaf_hit(Segment segment, inout uint reference, float s_end) {
     Triangle pair = array_pair(index / 2u);
     count(IO_COUNT_TRIANGLES);
     if (pair_has_second(pair)) count(IO_COUNT_TRIANGLES);
+    vec3 first;
     vec3 second;
-    vec3 first = pair_hit(segment, pair, second);
+    pair_hits(segment, pair, first, second);
     if (IO_ALPHA_MASK && first.x < s_end && stage_is_hole(index, first.yz)) first.x = NO_HIT;
     if (IO_ALPHA_MASK && second.x < s_end && stage_is_hole(index + 1u, second.yz)) second.x = NO_HIT;
     if (second.x < first.x) reference++;
