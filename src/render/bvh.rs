@@ -5,8 +5,8 @@
 //! (Ylitie, Karras, Laine: Efficient incoherent ray traversal on GPUs through compressed wide BVHs, 2017, section 3.1): a
 //! traversal step reads a cache line and decides about four boxes. Boxes lie on a grid of 2¹⁶ lines per axis over the
 //! cell's content, rounded outwards: half of the memory traffic of f32 boxes for a loss that is smaller than any triangle
-//! worth drawing. Children are sorted along an axis, so that the sign of a direction tells the near ones. A child is a node
-//! or a single primitive. The binary tree of what rests is improved before that, by reinsertion.
+//! worth drawing. Children are sorted along an axis, so that the sign of a direction tells the near ones. A child is a node,
+//! a quadric or a pair of triangles. The binary tree of what rests is improved before that, by reinsertion.
 
 pub mod pairs;
 mod reinsertion;

@@ -11,13 +11,14 @@ pub struct Pair {
     /// Indices of the triangles; twice the same for one alone.
     pub triangles: [u32; 2],
     /// By which of its corners each begins, so that the first is (a, b, c) and the second (c, b, d).
-    pub turns: [usize; 2],
+    pub turns: [u8; 2],
 }
 
 /// An edge of a triangle, with a number that is the same for all edges between the same points.
 type Edge = (u64, u32, usize);
 
-/// How much larger the box about a pair may be than both boxes together.
+/// Largest area of the box about a pair, as a share of the areas of its triangles' boxes together. With more, leaves are tested
+/// more often than their number saves.
 const LARGEST: f64 = 0.7;
 
 impl Pair {
@@ -45,7 +46,7 @@ pub fn pairs(triangles: &[[DVec3; 3]], among: &[u32]) -> Vec<Pair> {
     // Of two edges in which a pair may meet: what they cost.
     let meeting = |&(_, first, i): &Edge, &(_, second, j): &Edge| {
         let common = corner(first, i) == corner(second, j + 1) && corner(first, i + 1) == corner(second, j);
-        let pair = Pair { triangles: [first, second], turns: [(i + 2) % 3, j] };
+        let pair = Pair { triangles: [first, second], turns: [(i + 2) % 3, j].map(|turn| turn as u8) };
         let share = pair.bounds(triangles).half_area() / (half_area(first) + half_area(second));
         (common && first != second && share <= LARGEST).then_some((share, pair))
     };
@@ -84,7 +85,7 @@ mod tests {
     fn corners(pair: &Pair, triangles: &[[DVec3; 3]]) -> [[DVec3; 3]; 2] {
         std::array::from_fn(|i| {
             let mut corners = triangles[pair.triangles[i] as usize];
-            corners.rotate_left(pair.turns[i]);
+            corners.rotate_left(usize::from(pair.turns[i]));
             corners
         })
     }

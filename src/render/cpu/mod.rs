@@ -146,6 +146,7 @@ fn memory_of(world: &World) -> u64 {
     let texels: usize = world.textures.iter().map(|t| size_of_val(t.texels.as_slice())).sum();
     let (meshes, hierarchy) = (world.meshes(), world.hierarchy());
     let bytes = size_of_val(hierarchy.nodes.as_slice())
+        + size_of_val(hierarchy.pairs.as_slice())
         + size_of_val(meshes.triangles.as_slice())
         + size_of_val(meshes.shading.as_slice())
         + size_of_val(world.quadrics.as_slice())

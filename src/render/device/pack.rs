@@ -143,6 +143,7 @@ pub fn pairs_in_order(
         if let Reference::Primitive(Primitive::Triangle(name)) = Reference::read(*child) {
             *child = Reference::Primitive(Primitive::Triangle(2 * corners.len() as u32)).word();
             let Pair { triangles, turns } = pairs[name as usize / 2];
+            let turns = turns.map(usize::from);
             let [mut first, mut second] = triangles.map(|index| meshes.triangles[index as usize]);
             first.rotate_left(turns[0]);
             second.rotate_left(turns[1]);
