@@ -69,10 +69,10 @@ void hit_arrive(inout Path path, Dense dense, float u) {
     }
 }
 
-// The triangle that traversal names.
+// The triangle that traversal names: for compute one of a pair.
 Triangle hit_triangle(uint name) {
 #ifdef WALK_TOGETHER
-    Triangle pair = io_triangles[name / 2u];
+    Triangle pair = array_pair(name / 2u);
     return (name & 1u) == 0u ? pair : pair_second(pair);
 #else
     return io_triangles[name];

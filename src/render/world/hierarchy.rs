@@ -30,8 +30,9 @@ impl Hierarchy {
     pub fn new(domain: &Domain, meshes: &Meshes, quadrics: &[WorldQuadric], effort: Effort, straight: bool) -> Self {
         let mut hierarchy = Self::default();
         for cell in 0..domain.cells.len() {
+            let triangles = meshes.inside(domain, cell);
             let first = hierarchy.pairs.len();
-            hierarchy.pairs.extend(pairs(&meshes.triangles, &meshes.inside(domain, cell)));
+            hierarchy.pairs.extend(pairs(&meshes.triangles, &triangles));
             let leaves = hierarchy.pairs[first..]
                 .iter()
                 .zip(first as u32..)
@@ -41,7 +42,9 @@ impl Hierarchy {
             hierarchy.stack = hierarchy.stack.max(tree.map_or(0, |tree| tree.stack));
             hierarchy.trees.push(tree);
             if !straight {
-                hierarchy.add_voxels(tree.map(|tree| tree.grid), domain, meshes, quadrics);
+                let corners = triangles.iter().map(|&index| meshes.triangles[index as usize]);
+                let boxes = quadrics_inside(quadrics, cell).map(|(bounds, _)| bounds);
+                hierarchy.voxels.add(tree.map(|tree| tree.grid), corners, boxes);
             }
         }
         hierarchy
@@ -51,22 +54,15 @@ impl Hierarchy {
     pub fn voxels(domain: &Domain, meshes: &Meshes, quadrics: &[WorldQuadric]) -> Self {
         let mut hierarchy = Self::default();
         for cell in 0..domain.cells.len() {
-            let triangles = meshes.inside(domain, cell).into_iter().flat_map(|index| meshes.triangles[index as usize]);
-            let quadrics_inside = quadrics_inside(quadrics, cell).map(|(bounds, _)| bounds);
-            let bounds = quadrics_inside.fold(Aabb::around(triangles), Aabb::union);
+            let triangles = meshes.inside(domain, cell);
+            let corners = || triangles.iter().map(|&index| meshes.triangles[index as usize]);
+            let boxes = || quadrics_inside(quadrics, cell).map(|(bounds, _)| bounds);
+            let bounds = boxes().fold(Aabb::around(corners().flatten()), Aabb::union);
             let grid = (bounds != Aabb::EMPTY).then(|| Grid::new(bounds));
-            hierarchy.add_voxels(grid, domain, meshes, quadrics);
+            hierarchy.voxels.add(grid, corners(), boxes());
             hierarchy.trees.push(grid.map(|grid| Tree { stack: 0, root: NONE, grid }));
         }
         hierarchy
-    }
-
-    /// The voxels of the next cell.
-    fn add_voxels(&mut self, grid: Option<Grid>, domain: &Domain, meshes: &Meshes, quadrics: &[WorldQuadric]) {
-        let cell = self.voxels.grids.len();
-        let triangles = meshes.inside(domain, cell).into_iter().map(|index| meshes.triangles[index as usize]);
-        let boxes = quadrics_inside(quadrics, cell).map(|(bounds, _)| bounds);
-        self.voxels.add(grid, triangles, boxes);
     }
 }
 
