@@ -27,6 +27,15 @@ ARRAYS_READ(array_pair, Triangle, Triangles, io_triangles, IO_ARRAY_TRIANGLES)
 ARRAYS_READ(array_quadric, Quadric, Quadrics, io_quadric_surfaces, IO_ARRAY_QUADRICS)
 ARRAYS_READ(array_quadric_shading, QuadricShading, QuadricShadings, io_quadric_shading, IO_ARRAY_QUADRIC_SHADING)
 
+// The nodes by address, for a loop that looks their place up once.
+uvec4 array_nodes() {
+    return io_arrays[IO_ARRAY_NODES];
+}
+
+Node array_node_of(uvec4 nodes, uint index) {
+    return Nodes(nodes.xy).at[min(index, nodes.z)];
+}
+
 // There are none but on software.
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Boxes { Box at[]; };
 

@@ -105,6 +105,12 @@ Children node_children(Node node, uint reference, uint down) {
     return from_last ? Children(node.children.wzyx, uvec4(8u, 4u, 2u, 1u)) : Children(node.children, uvec4(1u, 2u, 4u, 8u));
 }
 
+// Which children of a node are primitives: a bit each.
+uint node_primitives(Node node) {
+    uvec4 bits = (node.children >> (IO_REFERENCE_PRIMITIVE_BIT - uvec4(0u, 1u, 2u, 3u))) & uvec4(1u, 2u, 4u, 8u);
+    return bits.x | bits.y | bits.z | bits.w;
+}
+
 // Walks the hierarchy of a cell front to back, all invocations of a subgroup together; returns the primitive hit, or IO_NONE.
 // With `any_hit` the first one found will do. Choices that all share are made without branches, as far as possible:
 // software keeps what branches and loops change in vectors, and what they do not in scalars.
@@ -116,27 +122,34 @@ uint traverse_together(Segment segment, uint cell, bool any_hit) {
     uint down = subgroupBroadcastFirst(slabs.down);
     float s_end = 1.0 + 1e-6;
     uint base = together_stack();
+    uvec4 nodes = array_nodes();
+    // 0 in each lane by itself, so that software makes floats of a node's boxes in all lanes at once; what is the same in all it
+    // computes once, and has to spread each float over the lanes.
+    uint zero = slabs.down >> 3u;
     io_stacks[base] = root;
     together_own(0u, true);
     io_stacks[base - 1u] = 1u;
     while (true) {
         uint top = io_stacks[base - 1u] - 1u;
         uint current = io_stacks[base + top];
-        Node node = array_node(reference_index(current));
+        Node node = array_node_of(nodes, reference_index(current));
         if (together_owns(top)) count(IO_COUNT_NODES);
-        uint own = slabs_entered(slabs, node, s_end);
+        uint own = slabs_entered(slabs, Node(node.x | zero, node.y | zero, node.z | zero, node.children), s_end);
         Children children = node_children(node, current, down);
-        bvec4 among = notEqual(children.bits & subgroupOr(own), uvec4(0u));
-        // Primitives at once.
-        [[unroll]] for (uint i = 0u; i < 4u; i++) {
-            uint child = children.references[i];
-            if (among[i] && reference_kind(child) > IO_REFERENCE_NOTHING) {
-                if ((own & children.bits[i]) != 0u) {
-                    float s = leaf_hit(segment, child, s_end);
-                    if (s < s_end) {
-                        s_end = s;
-                        found = child;
-                        if (any_hit) own = 0u;
+        uint any_own = subgroupOr(own);
+        bvec4 among = notEqual(children.bits & any_own, uvec4(0u));
+        // Primitives at once. Most nodes have none that is entered.
+        if ((node_primitives(node) & any_own) != 0u) {
+            [[unroll]] for (uint i = 0u; i < 4u; i++) {
+                uint child = children.references[i];
+                if (among[i] && reference_kind(child) > IO_REFERENCE_NOTHING) {
+                    if ((own & children.bits[i]) != 0u) {
+                        float s = leaf_hit(segment, child, s_end);
+                        if (s < s_end) {
+                            s_end = s;
+                            found = child;
+                            if (any_hit) own = 0u;
+                        }
                     }
                 }
             }

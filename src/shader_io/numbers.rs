@@ -38,6 +38,8 @@ numbers! {
     /// A reference within a hierarchy is an index and, from this bit on, what is there: 0, 1 or 2 for a node, the axis along
     /// which its children are sorted, or one of the following.
     REFERENCE_SHIFT: uint = 28;
+    /// Bit of a reference that those of triangles and quadrics have, and no others.
+    REFERENCE_PRIMITIVE_BIT: uint = 30;
     /// Nothing is there.
     REFERENCE_NOTHING: uint = 3;
     /// A triangle is there.
