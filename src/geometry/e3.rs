@@ -160,6 +160,11 @@ impl Geometry for E3 {
         Some(DAffine3::from_mat4(m.linear))
     }
 
+    fn chart_dilation(&self, point: DVec4, factor: f64) -> Option<DAffine3> {
+        let centre = spatial(point);
+        Some(DAffine3 { matrix3: DMat3::from_diagonal(DVec3::splat(factor)), translation: centre * (1.0 - factor) })
+    }
+
     fn isometry_residual(&self, m: &Isometry) -> f64 {
         let rotation = DMat3::from_mat4(m.linear);
         let gram = rotation.transpose() * rotation - DMat3::IDENTITY;

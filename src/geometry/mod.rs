@@ -391,6 +391,12 @@ pub trait Geometry: Copy + Send + Sync + 'static {
         None
     }
 
+    /// The affine map of the chart that multiplies the lengths of all geodesics from a point by a positive factor, or `None` where
+    /// there is none. *Host only.*
+    fn chart_dilation(&self, _point: DVec4, _factor: f64) -> Option<DAffine3> {
+        None
+    }
+
     /// How far `m` is from preserving the metric: largest deviation of the defining relation. *Host only.*
     fn isometry_residual(&self, m: &Isometry) -> f64;
 

@@ -17,7 +17,7 @@ use holonomy::{
         rt::{RtBackend, guards::Guards},
         world::{Pose, World},
     },
-    scene::{Mesh, Motion, Object, Place, Scene, Shape, Vertex, file},
+    scene::{Mesh, Motion, Object, Place, Scene, Shading, Shape, Vertex, file},
     shader_io::{Box, KIND_ALL, KIND_MOVING, KIND_QUADRICS, Specialization},
     space::observer::Frame,
     vulkan::{Context, ContextOptions, Tier, cache::Found, fault::FaultInjection},
@@ -243,6 +243,29 @@ fn rt_a_million_triangles_in_two_hundred_instances() {
     let share = differing(&target, &draw(&mut compute, &shot).0, 2e-3);
     assert!(share < 2e-3, "{share}");
     assert!(target.pixels.iter().any(|p| p[..3] != target.pixels[0][..3]));
+}
+
+/// In Euclidean space objects of other sizes are images of the same structure, also where faces turn them, unless they are so
+/// much smaller that f32 would not have the same places.
+#[test]
+fn rt_copies_of_several_sizes_share_a_structure() {
+    let Some(gpu) = rt_gpu() else { return };
+    let mut scene = crowd("half-turn", sphere(20, 20), 18, 0.05);
+    for (object, size) in scene.objects.iter_mut().zip([1.0, 1.7, 0.15].into_iter().cycle()) {
+        object.scale *= size;
+    }
+    for shading in [Shading::Riemannian, Shading::Object, Shading::Normals] {
+        scene.settings.shading = shading;
+        let (world, shot) = (world(&scene), picture(&scene, [128, 96]));
+        let (mut rt, mut cpu) = (RtBackend::new(&gpu).expect("a backend"), CpuBackend::default());
+        rt.load(&world).expect("a load");
+        cpu.load(&world).expect("a load");
+        let (target, stats) = draw(&mut rt, &shot);
+        let all = structures(&stats);
+        assert!(all.bottom == 2 && all.instances >= 18, "{all:?}");
+        let share = differing(&target, &draw(&mut cpu, &shot).0, 2e-3);
+        assert!(share < 2e-3, "{shading:?}: {share}");
+    }
 }
 
 /// Where isometries are no affine maps of the chart, copies are no instances: all of a cell are one structure, and the picture

@@ -16,7 +16,7 @@ use crate::{
     scene::{Object, Place, Scene, Shape},
     space::{deck, domain::Domain, observer::Frame, polyhedron::Polyhedron, reduce::reduce_frame},
 };
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::{
     collections::HashMap,
     sync::{Arc, OnceLock},
@@ -70,6 +70,36 @@ impl World {
     }
 }
 
+/// How a copy of a mesh came to its place that others may be images of.
+struct FirstCopy {
+    /// The frame of its object.
+    frame: Frame,
+    /// What its object's lengths are multiplied by.
+    scale: f64,
+    /// The copy's isometry.
+    isometry: Isometry,
+    /// The copy's index.
+    index: usize,
+}
+
+impl FirstCopy {
+    /// Images are at most as many times larger or smaller, so that f32 has the same places about as exactly.
+    const MOST: f64 = 4.0;
+
+    /// The index of this copy, and the affine map of the chart to another one of an object with the same mesh.
+    fn image<G: Geometry>(&self, geometry: G, frame: Frame, scale: f64, copy: &Copy) -> Option<(usize, DAffine3)> {
+        let factor = scale / self.scale;
+        if !(1.0 / Self::MOST..=Self::MOST).contains(&factor) {
+            return None;
+        }
+        let carried = carry(geometry, self.frame.axes_at(), frame.axes_at())?;
+        let there = geometry.chart_action(&geometry.compose(&copy.isometry, &carried))?;
+        let back = geometry.chart_action(&geometry.inverse(&self.isometry))?;
+        let dilation = geometry.chart_dilation(self.frame.point, factor)?;
+        Some((self.index, there * dilation * back))
+    }
+}
+
 struct Build<'a> {
     scene: &'a Scene,
     plan: &'a Plan,
@@ -105,9 +135,8 @@ pub(super) struct Builder<'a, G> {
     /// Shapes of the cells; a cell without end has none.
     pub polyhedra: Vec<Option<Polyhedron>>,
     meshes: Meshes,
-    /// For each mesh and scale, how its first copy came to its place: the frame of its object, the copy's isometry, and
-    /// the copy's index.
-    first_copies: HashMap<(usize, u64), (Frame, Isometry, usize)>,
+    /// For each mesh the copies that others may be images of.
+    first_copies: HashMap<usize, Vec<FirstCopy>>,
     movers: Vec<Mover>,
     pub quadrics: Vec<WorldQuadric>,
     /// What they are.
@@ -274,21 +303,13 @@ impl<'a, G: Geometry> Builder<'a, G> {
         let geometry = self.geometry;
         let rest = self.rest(index, object, mesh, frame);
         let corners = Corners { rest: &rest, carried: Isometry::IDENTITY };
-        let key = (mesh, object.scale.to_bits());
         for copy in copies(geometry, &self.domain, frame.cell, &corners, &object.name)? {
-            let image_of = match self.first_copies.get(&key) {
-                Some((first, isometry, index)) => {
-                    carry(geometry, first.axes_at(), frame.axes_at()).and_then(|carried| {
-                        let here = geometry.compose(&copy.isometry, &carried);
-                        let relative = geometry.compose(&here, &geometry.inverse(isometry));
-                        Some((*index, geometry.chart_action(&relative)?))
-                    })
-                }
-                None => {
-                    self.first_copies.insert(key, (frame, copy.isometry, self.meshes.copies.len()));
-                    None
-                }
-            };
+            let of_mesh = self.first_copies.entry(mesh).or_default();
+            let image_of = of_mesh.iter().find_map(|first| first.image(geometry, frame, object.scale, &copy));
+            if image_of.is_none() {
+                let index = self.meshes.copies.len();
+                of_mesh.push(FirstCopy { frame, scale: object.scale, isometry: copy.isometry, index });
+            }
             self.meshes.add(geometry, &self.domain, &rest, &copy, image_of);
         }
         Ok(())
