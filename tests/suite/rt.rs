@@ -245,15 +245,43 @@ fn rt_a_million_triangles_in_two_hundred_instances() {
     assert!(target.pixels.iter().any(|p| p[..3] != target.pixels[0][..3]));
 }
 
-/// In Euclidean space objects of other sizes are images of the same structure, also where faces turn them, unless they are so
-/// much smaller that f32 would not have the same places.
-#[test]
-fn rt_copies_of_several_sizes_share_a_structure() {
-    let Some(gpu) = rt_gpu() else { return };
+/// A crowd of several sizes in a space whose faces turn what passes them: some alike, some so much smaller that f32 would not
+/// have the same places about as exactly.
+fn crowd_of_sizes() -> Scene {
     let mut scene = crowd("half-turn", sphere(20, 20), 18, 0.05);
     for (object, size) in scene.objects.iter_mut().zip([1.0, 1.7, 0.15].into_iter().cycle()) {
         object.scale *= size;
     }
+    scene
+}
+
+/// The map of an image takes each triangle of the copy that it is of to its own.
+#[test]
+fn rt_images_have_the_triangles_of_their_copies() {
+    let world = world(&crowd_of_sizes());
+    let copies = &world.still.copies;
+    let triangles = |index: usize| {
+        let parts = copies[index].parts.iter().flat_map(|part| &world.still.triangles[part.triangles.clone()]);
+        parts.flatten().copied().collect::<Vec<DVec3>>()
+    };
+    let mut images = 0;
+    for (index, copy) in copies.iter().enumerate() {
+        let Some((first, map)) = copy.image_of else { continue };
+        images += 1;
+        let (from, to) = (triangles(first), triangles(index));
+        assert_eq!(from.len(), to.len());
+        let off = from.iter().zip(&to).map(|(from, to)| map.transform_point3(*from).distance(*to));
+        let off = off.fold(0.0_f64, f64::max);
+        assert!(off < 1e-13, "copy {index}: {off}");
+    }
+    assert_eq!(images, copies.len() - 2, "all but the first of each size are images");
+}
+
+/// In Euclidean space objects of other sizes are images of the same structure.
+#[test]
+fn rt_copies_of_several_sizes_share_a_structure() {
+    let Some(gpu) = rt_gpu() else { return };
+    let mut scene = crowd_of_sizes();
     for shading in [Shading::Riemannian, Shading::Object, Shading::Normals] {
         scene.settings.shading = shading;
         let (world, shot) = (world(&scene), picture(&scene, [128, 96]));

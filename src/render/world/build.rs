@@ -306,7 +306,8 @@ impl<'a, G: Geometry> Builder<'a, G> {
         for copy in copies(geometry, &self.domain, frame.cell, &corners, &object.name)? {
             let of_mesh = self.first_copies.entry(mesh).or_default();
             let image_of = of_mesh.iter().find_map(|first| first.image(geometry, frame, object.scale, &copy));
-            if image_of.is_none() {
+            // Where isometries act otherwise nothing is an image of anything.
+            if image_of.is_none() && geometry.chart_action(&copy.isometry).is_some() {
                 let index = self.meshes.copies.len();
                 of_mesh.push(FirstCopy { frame, scale: object.scale, isometry: copy.isometry, index });
             }
