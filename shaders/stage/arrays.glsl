@@ -12,29 +12,23 @@ const bool ARRAYS_ADDRESSED = IO_TOGETHER > 0u;
 const bool ARRAYS_ADDRESSED = false;
 #endif
 
-// Declares a function that reads an element of a bound array, or the same by the address that io_arrays has of it. Software may
-// run code with all invocations switched off, so no index leaves its array.
+// Declares a function that reads an element of a bound array, or the same by the address that io_arrays has of it; and one that is
+// given what io_arrays has, for loops that look it up once. Software may run code with all invocations switched off, so no index
+// leaves its array.
 #define ARRAYS_READ(function, Element, Elements, bound, number) \
     layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Elements { Element at[]; }; \
+    Element function(uvec4 array, uint index) { \
+        return Elements(array.xy).at[min(index, array.z)]; \
+    } \
     Element function(uint index) { \
         if (!ARRAYS_ADDRESSED) return bound[index]; \
-        uvec4 array = io_arrays[number]; \
-        return Elements(array.xy).at[min(index, array.z)]; \
+        return function(io_arrays[number], index); \
     }
 
 ARRAYS_READ(array_node, Node, Nodes, io_nodes, IO_ARRAY_NODES)
 ARRAYS_READ(array_pair, Triangle, Triangles, io_triangles, IO_ARRAY_TRIANGLES)
 ARRAYS_READ(array_quadric, Quadric, Quadrics, io_quadric_surfaces, IO_ARRAY_QUADRICS)
 ARRAYS_READ(array_quadric_shading, QuadricShading, QuadricShadings, io_quadric_shading, IO_ARRAY_QUADRIC_SHADING)
-
-// The nodes by address, for a loop that looks their place up once.
-uvec4 array_nodes() {
-    return io_arrays[IO_ARRAY_NODES];
-}
-
-Node array_node_of(uvec4 nodes, uint index) {
-    return Nodes(nodes.xy).at[min(index, nodes.z)];
-}
 
 // There are none but on software.
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Boxes { Box at[]; };

@@ -122,7 +122,7 @@ uint traverse_together(Segment segment, uint cell, bool any_hit) {
     uint down = subgroupBroadcastFirst(slabs.down);
     float s_end = 1.0 + 1e-6;
     uint base = together_stack();
-    uvec4 nodes = array_nodes();
+    uvec4 nodes = io_arrays[IO_ARRAY_NODES];
     // 0 in each lane by itself, so that software makes floats of a node's boxes in all lanes at once; what is the same in all it
     // computes once, and has to spread each float over the lanes.
     uint zero = slabs.down >> 3u;
@@ -132,7 +132,7 @@ uint traverse_together(Segment segment, uint cell, bool any_hit) {
     while (true) {
         uint top = io_stacks[base - 1u] - 1u;
         uint current = io_stacks[base + top];
-        Node node = array_node_of(nodes, reference_index(current));
+        Node node = array_node(nodes, reference_index(current));
         if (together_owns(top)) count(IO_COUNT_NODES);
         uint own = slabs_entered(slabs, Node(node.x | zero, node.y | zero, node.z | zero, node.children), s_end);
         Children children = node_children(node, current, down);

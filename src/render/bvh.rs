@@ -12,7 +12,8 @@ pub mod pairs;
 mod reinsertion;
 
 use crate::shader_io::{
-    LINES, Node, REFERENCE_NOTHING, REFERENCE_QUADRIC, REFERENCE_SHIFT, REFERENCE_TRIANGLE, STACK_SIZE,
+    LINES, Node, REFERENCE_NOTHING, REFERENCE_PRIMITIVE_BIT, REFERENCE_QUADRIC, REFERENCE_SHIFT, REFERENCE_TRIANGLE,
+    STACK_SIZE,
 };
 use glam::{DVec3, Vec3};
 
@@ -380,6 +381,15 @@ impl Reference {
         }
     }
 }
+
+// Shaders tell primitives by their bit.
+const _: () = {
+    const fn has_bit(kind: u32) -> bool {
+        (kind << REFERENCE_SHIFT) & (1 << REFERENCE_PRIMITIVE_BIT) != 0
+    }
+    assert!(has_bit(REFERENCE_TRIANGLE) && has_bit(REFERENCE_QUADRIC));
+    assert!(!has_bit(0) && !has_bit(1) && !has_bit(2) && !has_bit(REFERENCE_NOTHING));
+};
 
 /// Most primitives and most nodes that references can name: triangles may all be in pairs alone.
 pub const MAX_PRIMITIVES: usize = 1 << (REFERENCE_SHIFT - 1);

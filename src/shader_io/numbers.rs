@@ -39,7 +39,7 @@ numbers! {
     /// which its children are sorted, or one of the following.
     REFERENCE_SHIFT: uint = 28;
     /// Bit of a reference that those of triangles and quadrics have, and no others.
-    REFERENCE_PRIMITIVE_BIT: uint = 30;
+    REFERENCE_PRIMITIVE_BIT: uint = REFERENCE_SHIFT + 2;
     /// Nothing is there.
     REFERENCE_NOTHING: uint = 3;
     /// A triangle is there.

@@ -76,8 +76,8 @@ struct FirstCopy {
     frame: Frame,
     /// What its object's lengths are multiplied by.
     scale: f64,
-    /// The copy's isometry.
-    isometry: Isometry,
+    /// The affine map of the chart back from the copy to the object's own place.
+    back: DAffine3,
     /// The copy's index.
     index: usize,
 }
@@ -94,9 +94,8 @@ impl FirstCopy {
         }
         let carried = carry(geometry, self.frame.axes_at(), frame.axes_at())?;
         let there = geometry.chart_action(&geometry.compose(&copy.isometry, &carried))?;
-        let back = geometry.chart_action(&geometry.inverse(&self.isometry))?;
         let dilation = geometry.chart_dilation(self.frame.point, factor)?;
-        Some((self.index, there * dilation * back))
+        Some((self.index, there * dilation * self.back))
     }
 }
 
@@ -307,9 +306,10 @@ impl<'a, G: Geometry> Builder<'a, G> {
             let of_mesh = self.first_copies.entry(mesh).or_default();
             let image_of = of_mesh.iter().find_map(|first| first.image(geometry, frame, object.scale, &copy));
             // Where isometries act otherwise nothing is an image of anything.
-            if image_of.is_none() && geometry.chart_action(&copy.isometry).is_some() {
-                let index = self.meshes.copies.len();
-                of_mesh.push(FirstCopy { frame, scale: object.scale, isometry: copy.isometry, index });
+            if image_of.is_none()
+                && let Some(back) = geometry.chart_action(&geometry.inverse(&copy.isometry))
+            {
+                of_mesh.push(FirstCopy { frame, scale: object.scale, back, index: self.meshes.copies.len() });
             }
             self.meshes.add(geometry, &self.domain, &rest, &copy, image_of);
         }
