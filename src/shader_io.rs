@@ -463,7 +463,7 @@ specialization! {
     listed: bool = false;
     /// One more than the counter that pixels show instead of what is seen; 0 for none.
     heat: uint = 0;
-    /// The invocations of a subgroup walk the hierarchy together, with a stack of so many entries, its depth
+    /// The invocations of a subgroup, at most eight, walk the hierarchy together, with a stack of so many words, its depth
     /// among them; 0 if each walks alone.
     together: uint = 0;
     /// Kinds of instances that a segment meets only if it is near one of their guards.

@@ -6,6 +6,7 @@
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_ballot : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
+#extension GL_KHR_shader_subgroup_shuffle : require
 #include "shared/io.glsl"
 #define WALK_TOGETHER
 #include "stage/arrays.glsl"
@@ -17,6 +18,9 @@
 #include "stage/slabs.glsl"
 #include "stage/voxels.glsl"
 
+// The lowest bits of the bytes that stand for the children of a node.
+const uvec4 CHILDREN = uvec4(1u, 1u << 8u, 1u << 16u, 1u << 24u);
+
 // Cuts [enter, leave] down to the slabs of four boxes along an axis.
 void slabs_cut(uvec4 lines, float reciprocal, float lower, float upper, inout vec4 enter, inout vec4 leave) {
     vec4 a = fma(vec4(lines & 0xffffu), vec4(reciprocal), vec4(lower));
@@ -25,15 +29,17 @@ void slabs_cut(uvec4 lines, float reciprocal, float lower, float upper, inout ve
     leave = min(leave, max(a, b));
 }
 
-// Which boxes of a node the segment enters before s_end: one bit for each child. Both ends are rounded (Ize: Robust BVH
-// ray traversal, 2013).
+// Room for the rounding of both ends (Ize: Robust BVH ray traversal, 2013).
+const float SLABS_ROOM = 1.0 + 5e-7;
+
+// Which boxes of a node the segment enters before s_end: the lowest bit of a byte for each child.
 uint slabs_entered(Slabs slabs, Node node, float s_end) {
     vec4 enter = vec4(0.0);
     vec4 leave = vec4(s_end);
     slabs_cut(node.x, slabs.reciprocal.x, slabs.lower.x, slabs.upper.x, enter, leave);
     slabs_cut(node.y, slabs.reciprocal.y, slabs.lower.y, slabs.upper.y, enter, leave);
     slabs_cut(node.z, slabs.reciprocal.z, slabs.lower.z, slabs.upper.z, enter, leave);
-    uvec4 bits = mix(uvec4(0u), uvec4(1u, 2u, 4u, 8u), lessThanEqual(enter, leave * (1.0 + 5e-7)));
+    uvec4 bits = mix(uvec4(0u), CHILDREN, lessThanEqual(enter, leave * SLABS_ROOM));
     return bits.x | bits.y | bits.z | bits.w;
 }
 
@@ -70,28 +76,135 @@ float leaf_hit(Segment segment, inout uint reference, float s_end) {
 }
 
 // Invocations that walk the hierarchy together (IO_TOGETHER > 0) visit what any of them has to: where they run in lockstep
-// that reads each node once for all. First entry of the subgroup's stack. Its depth is kept before it, in memory as well: software would keep a variable that
-// a loop changes in a vector, and take long to get at its only number.
+// that reads each node once for all. First word of the subgroup's stack. How many of them are in use is kept before it, in
+// memory as well: software would keep a variable that a loop changes in a vector, and take long to get at its only number.
 uint together_stack() {
     uint group = (gl_WorkGroupID.z * gl_NumWorkGroups.y + gl_WorkGroupID.y) * gl_NumWorkGroups.x + gl_WorkGroupID.x;
     return (group * gl_NumSubgroups + gl_SubgroupID) * IO_TOGETHER + 1u;
 }
 
-// Which entries of a common stack an invocation would visit by itself: a bit each, only kept where nodes are counted.
-uint together_owned[IO_STACK_SIZE / 32u];
+// The invocations that walk together, at most eight.
+struct Lanes {
+    uint all;   // a bit each
+    uint child; // the box that this one looks at where they share a node's boxes
+    bool apart; // whether they can: there is one for each box
+    bool twice; // whether two of them look at each box
+    bool later; // whether this one is the second of the two
+};
 
-bool together_counts() {
-    return IO_COUNTERS || IO_HEAT == IO_COUNT_NODES + 1u;
+Lanes together_lanes() {
+    uint lane = gl_SubgroupInvocationID;
+    uint all = subgroupOr(1u << lane);
+    uint rank = uint(bitCount(all & ((1u << lane) - 1u)));
+    uint number = uint(bitCount(all));
+    // Arcs meet voxels before they come here, and are few.
+    return Lanes(all, rank & 3u, GEO_STRAIGHT && number >= 4u, number == 8u, number == 8u && rank >= 4u);
 }
 
-void together_own(uint entry, bool own) {
-    if (!together_counts()) return;
-    uint bit = 1u << (entry & 31u);
-    together_owned[entry >> 5u] = (together_owned[entry >> 5u] & ~bit) | (own ? bit : 0u);
+// Whether the segment of invocation `ray` enters one box of a node before its s_end, as a bit of that ray's in the child's
+// byte.
+uint slabs_entered_one(Slabs slabs, Node node, float s_end, uint child, uint ray) {
+    vec3 reciprocal = subgroupShuffle(slabs.reciprocal, ray);
+    uvec3 lines = uvec3(node.x[child], node.y[child], node.z[child]);
+    vec3 a = fma(vec3(lines & 0xffffu), reciprocal, subgroupShuffle(slabs.lower, ray));
+    vec3 b = fma(vec3(lines >> 16u), reciprocal, subgroupShuffle(slabs.upper, ray));
+    vec3 enter = min(a, b);
+    vec3 leave = max(a, b);
+    float last = min(min(leave.x, leave.y), min(leave.z, subgroupShuffle(s_end, ray)));
+    return max(max(enter.x, enter.y), max(enter.z, 0.0)) <= last * SLABS_ROOM ? 1u << (8u * child + ray) : 0u;
 }
 
-bool together_owns(uint entry) {
-    return !together_counts() || ((together_owned[entry >> 5u] >> (entry & 31u)) & 1u) != 0u;
+// Which boxes of a node the segments enter: a byte for each child, in it a bit for each invocation. `owners` are those who
+// come to the node. If they are one or two, each of their boxes is looked at by another invocation; else each looks at all
+// boxes for its own segment.
+uint slabs_entered_together(Slabs slabs, Node node, float s_end, Lanes lanes, uint owners, uint zero) {
+    uint entered;
+    uint second = owners & (owners - 1u);
+    if (lanes.apart && (second & (second - 1u)) == 0u) {
+        uint ray = uint(lanes.later ? findMSB(owners) : findLSB(owners));
+        entered = slabs_entered_one(slabs, node, s_end, lanes.child, ray);
+        if (!lanes.twice && second != 0u) {
+            entered |= slabs_entered_one(slabs, node, s_end, lanes.child, uint(findMSB(owners)));
+        }
+    } else {
+        Node spread = Node(node.x | zero, node.y | zero, node.z | zero, node.children);
+        entered = slabs_entered(slabs, spread, s_end) << gl_SubgroupInvocationID;
+    }
+    return subgroupOr(entered);
+}
+
+// The bytes of those children of a node that are primitives.
+uint node_primitives(Node node) {
+    uvec4 bits = (node.children >> (IO_REFERENCE_PRIMITIVE_BIT - uvec4(0u, 8u, 16u, 24u))) & CHILDREN;
+    return 255u * (bits.x | bits.y | bits.z | bits.w);
+}
+
+// Walks the hierarchy of a cell front to back, all invocations of a subgroup together; returns the primitive hit, or IO_NONE.
+// With `any_hit` the first one found will do. An entry of the stack is a node and, a byte each, the invocations that still
+// have to go to its children: the lowest entry a node above the root. Choices that all share are made without branches, as far
+// as possible: software keeps what branches and loops change in vectors, and what they do not in scalars.
+uint traverse_together(Segment segment, uint cell, bool any_hit) {
+    uint found = IO_NONE;
+    uint root = io_cells[cell].root;
+    if (root == IO_NONE) return found;
+    Slabs slabs = slabs_of(segment, io_cells[cell].grid_lower, io_cells[cell].grid_scale);
+    Lanes lanes = together_lanes();
+    uint down = subgroupBroadcastFirst(slabs.down);
+    float s_end = 1.0 + 1e-6;
+    uint stack = together_stack();
+    uvec4 nodes = io_arrays[IO_ARRAY_NODES];
+    // 0 in each lane by itself, so that software makes floats of a node's boxes in all lanes at once; what is the same in all it
+    // computes once, and has to spread each float over the lanes.
+    uint zero = slabs.down >> 3u;
+    io_stacks[stack] = root;
+    io_stacks[stack + 1u] = lanes.all;
+    io_stacks[stack - 1u] = 2u;
+    while (true) {
+        uint depth = io_stacks[stack - 1u];
+        uint parent = io_stacks[stack + depth - 2u];
+        uint rest = io_stacks[stack + depth - 1u];
+        // The nearest child that any of them has to go to.
+        bool from_last = ((down >> reference_kind(parent)) & 1u) != 0u;
+        uint child = (uint(from_last ? findMSB(rest) : findLSB(rest)) >> 3u) & 3u;
+        uint owners = (rest >> (8u * child)) & 255u;
+        rest &= ~(255u << (8u * child));
+        uint current = array_child(nodes, reference_index(parent), child);
+        Node node = array_node(nodes, reference_index(current));
+        if (((owners >> gl_SubgroupInvocationID) & 1u) != 0u) count(IO_COUNT_NODES);
+        uint entered = slabs_entered_together(slabs, node, s_end, lanes, owners, zero);
+        uint primitives = node_primitives(node);
+        // Primitives at once. Most nodes have none that is entered.
+        if ((entered & primitives) != 0u) {
+            [[unroll]] for (uint i = 0u; i < 4u; i++) {
+                uint name = node.children[i];
+                uint testers = ((entered & primitives) >> (8u * i)) & 255u;
+                if (testers != 0u) {
+                    if (((testers >> gl_SubgroupInvocationID) & 1u) != 0u) {
+                        float s = leaf_hit(segment, name, s_end);
+                        if (s < s_end) {
+                            s_end = s;
+                            found = name;
+                        }
+                    }
+                }
+            }
+            if (any_hit) {
+                if (found != IO_NONE) s_end = -1.0;
+                // Not subgroupAll, which software answers lane by lane.
+                if (subgroupOr(found == IO_NONE ? 1u : 0u) == 0u) break;
+            }
+        }
+        // The node's own nodes come next, or the rest of its parent's, or those that have waited longer.
+        uint below = entered & ~primitives;
+        io_stacks[stack + depth - 1u] = rest;
+        depth -= rest == 0u ? 2u : 0u;
+        io_stacks[stack + depth] = current;
+        io_stacks[stack + depth + 1u] = below;
+        depth += below != 0u ? 2u : 0u;
+        if (depth == 0u) break;
+        io_stacks[stack - 1u] = depth;
+    }
+    return found;
 }
 
 // The children of a node from near to far, by the axis that it is sorted along, and the bits that stand for them.
@@ -102,74 +215,7 @@ struct Children {
 
 Children node_children(Node node, uint reference, uint down) {
     bool from_last = ((down >> reference_kind(reference)) & 1u) != 0u;
-    return from_last ? Children(node.children.wzyx, uvec4(8u, 4u, 2u, 1u)) : Children(node.children, uvec4(1u, 2u, 4u, 8u));
-}
-
-// Which children of a node are primitives: a bit each.
-uint node_primitives(Node node) {
-    uvec4 bits = (node.children >> (IO_REFERENCE_PRIMITIVE_BIT - uvec4(0u, 1u, 2u, 3u))) & uvec4(1u, 2u, 4u, 8u);
-    return bits.x | bits.y | bits.z | bits.w;
-}
-
-// Walks the hierarchy of a cell front to back, all invocations of a subgroup together; returns the primitive hit, or IO_NONE.
-// With `any_hit` the first one found will do. Choices that all share are made without branches, as far as possible:
-// software keeps what branches and loops change in vectors, and what they do not in scalars.
-uint traverse_together(Segment segment, uint cell, bool any_hit) {
-    uint found = IO_NONE;
-    uint root = io_cells[cell].root;
-    if (root == IO_NONE) return found;
-    Slabs slabs = slabs_of(segment, io_cells[cell].grid_lower, io_cells[cell].grid_scale);
-    uint down = subgroupBroadcastFirst(slabs.down);
-    float s_end = 1.0 + 1e-6;
-    uint base = together_stack();
-    uvec4 nodes = io_arrays[IO_ARRAY_NODES];
-    // 0 in each lane by itself, so that software makes floats of a node's boxes in all lanes at once; what is the same in all it
-    // computes once, and has to spread each float over the lanes.
-    uint zero = slabs.down >> 3u;
-    io_stacks[base] = root;
-    together_own(0u, true);
-    io_stacks[base - 1u] = 1u;
-    while (true) {
-        uint top = io_stacks[base - 1u] - 1u;
-        uint current = io_stacks[base + top];
-        Node node = array_node(nodes, reference_index(current));
-        if (together_owns(top)) count(IO_COUNT_NODES);
-        uint own = slabs_entered(slabs, Node(node.x | zero, node.y | zero, node.z | zero, node.children), s_end);
-        Children children = node_children(node, current, down);
-        uint any_own = subgroupOr(own);
-        bvec4 among = notEqual(children.bits & any_own, uvec4(0u));
-        // Primitives at once. Most nodes have none that is entered.
-        if ((node_primitives(node) & any_own) != 0u) {
-            [[unroll]] for (uint i = 0u; i < 4u; i++) {
-                uint child = children.references[i];
-                if (among[i] && reference_kind(child) > IO_REFERENCE_NOTHING) {
-                    if ((own & children.bits[i]) != 0u) {
-                        float s = leaf_hit(segment, child, s_end);
-                        if (s < s_end) {
-                            s_end = s;
-                            found = child;
-                            if (any_hit) own = 0u;
-                        }
-                    }
-                }
-            }
-        }
-        // Nodes from far to near, so that the nearest is on top. What is none is written over.
-        [[unroll]] for (uint k = 0u; k < 4u; k++) {
-            uint i = 3u - k;
-            io_stacks[base + top] = children.references[i];
-            together_own(top, (own & children.bits[i]) != 0u);
-            top += among[i] && reference_kind(children.references[i]) < IO_REFERENCE_NOTHING ? 1u : 0u;
-        }
-        if (top == 0u) break;
-        io_stacks[base - 1u] = top;
-        if (any_hit) {
-            // Not subgroupAll, which software answers lane by lane.
-            if (subgroupOr(found == IO_NONE ? 1u : 0u) == 0u) break;
-            if (found != IO_NONE) s_end = -1.0;
-        }
-    }
-    return found;
+    return from_last ? Children(node.children.wzyx, CHILDREN.wzyx) : Children(node.children, CHILDREN);
 }
 
 // The same for an invocation by itself. It walks nodes until one has primitives to test, so that those of a subgroup, which

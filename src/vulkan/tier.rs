@@ -131,7 +131,8 @@ pub struct RtLimits {
 const SUBGROUP_OPERATIONS: vk::SubgroupFeatureFlags = vk::SubgroupFeatureFlags::from_raw(
     vk::SubgroupFeatureFlags::BASIC.as_raw()
         | vk::SubgroupFeatureFlags::ARITHMETIC.as_raw()
-        | vk::SubgroupFeatureFlags::BALLOT.as_raw(),
+        | vk::SubgroupFeatureFlags::BALLOT.as_raw()
+        | vk::SubgroupFeatureFlags::SHUFFLE.as_raw(),
 );
 
 impl fmt::Display for DeviceInfo {

@@ -63,7 +63,7 @@ impl Tracer for Compute {
         last: Option<Self>,
     ) -> Result<(Self, Vec<Bound>), RenderError> {
         let hierarchy = world.hierarchy();
-        let cells = pack::cells(world, hierarchy, &[]);
+        let mut cells = pack::cells(world, hierarchy, &[]);
         let mut nodes = hierarchy.nodes.clone();
         let (mut quadrics, mut quadric_shading) = Default::default();
         let (triangles, shading) = if world.plan.uses(Feature::Meshes) {
@@ -74,6 +74,11 @@ impl Tracer for Compute {
         if world.plan.uses(Feature::Quadrics) {
             quadrics = world.quadrics.iter().map(pack::quadric).collect::<Vec<_>>();
             quadric_shading = world.quadrics.iter().map(pack::quadric_shading).collect::<Vec<_>>();
+        }
+        let info = device.context.info();
+        let together = options.together.unwrap_or_else(|| walks_together(info)) && info.subgroup_size() <= 8;
+        if together {
+            pack::put_nodes_above_roots(&mut cells, &mut nodes);
         }
         let mut bound = device.upload(&[
             (binding::cells, "cells", cast_slice(&cells)),
@@ -90,8 +95,8 @@ impl Tracer for Compute {
             device.upload_addressed(&mut bound, (binding::quadric_shading, "quadric shading"), quadric_shading)?;
         bound.extend(device.upload(&[(binding::arrays, "addresses of arrays", cast_slice(&arrays))])?);
         let entry = if world.plan.heat == Some(Heat::Time) { "path_clock.comp" } else { "path.comp" };
-        // Few sizes of stacks, so that pipelines fit one world after the other.
-        let together = options.together.unwrap_or_else(|| walks_together(device.context.info()));
+        // Two words for each level and for the depth, of which `stack` has room for three. Few sizes of stacks, so that pipelines
+        // fit one world after the other.
         let together = if together { (hierarchy.stack + 1).next_power_of_two().max(16) } else { 0 };
         let variant = (world.geometry, Specialization { together, ..world.plan.specialization() }, entry);
         let tracer = match last.filter(|last| last.variant == variant) {

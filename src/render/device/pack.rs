@@ -122,6 +122,17 @@ pub fn cells(world: &World, hierarchy: &Hierarchy, scenes: &[io::types::uvec2]) 
     world.domain.cells.iter().enumerate().map(cell).collect()
 }
 
+/// Gives the root of each cell a node above it, of which it is the first and only child: where invocations that walk
+/// together begin, which name a node by its parent and its place there. Nobody looks at its box.
+pub fn put_nodes_above_roots(cells: &mut [io::Cell], nodes: &mut Vec<io::Node>) {
+    for cell in cells.iter_mut().filter(|cell| cell.root != NONE) {
+        let nothing = Reference::Nothing.word();
+        let above = Reference::Node(nodes.len() as u32, 0).word();
+        nodes.push(io::Node { children: [cell.root, nothing, nothing, nothing], ..io::Node::default() });
+        cell.root = above;
+    }
+}
+
 /// Corners of triangles.
 pub fn triangles(meshes: &Meshes) -> Vec<io::Triangle> {
     meshes.triangles.iter().map(triangle).collect()
