@@ -320,7 +320,7 @@ pub(super) fn describe(
         !modern
             || subgroup.supported_operations.contains(SUBGROUP_OPERATIONS)
                 && subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE),
-        "ballot and arithmetic of subgroups in compute shaders",
+        "ballots, arithmetic and shuffles of subgroups in compute shaders",
     );
     require(
         limits.max_per_stage_descriptor_storage_buffers.min(limits.max_descriptor_set_storage_buffers) >= buffers,
