@@ -250,6 +250,16 @@ structures! {
         upper: vec3,
     }
 
+    /// A box about what rests in a cell, asked before a segment is traced.
+    struct Guard {
+        /// Its lower corner.
+        lower: vec3,
+        /// Its upper corner.
+        upper: vec3,
+        /// Device address of an acceleration structure of what is in it alone; 0 if it has none.
+        scene: uvec2,
+    }
+
     /// An arc that is traced, in pieces: a `Segment` of `shaders/stage/walk.glsl`.
     struct Arc {
         /// Where it begins, in the chart.
@@ -576,7 +586,7 @@ bindings! {
         /// computes with uniform numbers where they are.
         32 planes: vec4[UNROLLED_FACES];
         /// Boxes about what rests in the only cell, asked before a segment is traced: read by address, which `arrays` has.
-        33 guards: Box[GUARDS];
+        33 guards: Guard[GUARDS];
         /// Arrays that software reads by address: the address, and the index of the last element.
         34 arrays: uvec4[ARRAYS];
     }

@@ -13,5 +13,5 @@ void main() {
     if (payload.path.status != PATH_FLYING || payload.path.segments > io_view[0].bounces
         || !stage_segment(payload.path, walk_limit(), io_view[0].bounces, false, segment)) return;
     count(IO_COUNT_SEGMENTS);
-    pieces_trace(segment, walk_cell(payload.path), IO_KIND_ALL, false);
+    pieces_trace(segment, io_cells[walk_cell(payload.path)].scene, IO_KIND_ALL, false);
 }

@@ -36,10 +36,10 @@ ARRAYS_READ(array_quadric, Quadric, Quadrics, io_quadric_surfaces, IO_ARRAY_QUAD
 ARRAYS_READ(array_quadric_shading, QuadricShading, QuadricShadings, io_quadric_shading, IO_ARRAY_QUADRIC_SHADING)
 
 // There are none but on software.
-layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Boxes { Box at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Guards { Guard at[]; };
 
-Box array_guard(uint index) {
-    return Boxes(io_arrays[IO_ARRAY_GUARDS].xy).at[index];
+Guard array_guard(uint index) {
+    return Guards(io_arrays[IO_ARRAY_GUARDS].xy).at[index];
 }
 
 #endif

@@ -15,17 +15,12 @@ uint pieces_of(Segment segment) {
     return uint(clamp(ceil(sqrt(sagitta / io_view[0].sagitta)), 1.0, float(IO_PIECES)));
 }
 
-// What is in a cell. Cells have charts of their own, so each has an acceleration structure of its own.
-accelerationStructureEXT pieces_scene(uint cell) {
-    return accelerationStructureEXT(io_cells[cell].scene);
-}
-
 // Without masks any-hit shaders need not be looked for.
 const uint PIECES_FLAGS = IO_ALPHA_MASK ? gl_RayFlagsNoneEXT : gl_RayFlagsOpaqueEXT;
 const uint PIECES_SHADOW_FLAGS = PIECES_FLAGS | gl_RayFlagsTerminateOnFirstHitEXT | gl_RayFlagsSkipClosestHitShaderEXT;
 
-// Traces a segment of a pixel's ray or of a shadow ray in a cell, among instances of the kinds `near`.
-void pieces_trace(Segment segment, uint cell, uint near, bool shadow) {
+// Traces a segment of a pixel's ray or of a shadow ray in an acceleration structure, among instances of some kinds.
+void pieces_trace(Segment segment, uvec2 scene, uint kinds, bool shadow) {
     uint flags = shadow ? PIECES_SHADOW_FLAGS : PIECES_FLAGS;
     uint miss = shadow ? MISS_SHADOW : MISS_PRIMARY;
     uint count = pieces_of(segment);
@@ -46,12 +41,13 @@ void pieces_trace(Segment segment, uint cell, uint near, bool shadow) {
 #ifdef RT_REORDER
         // Invocations that will run the same shader are brought together before they run it.
         hitObjectNV found;
-        hitObjectTraceRayNV(found, pieces_scene(cell), flags, near, 0u, 1u, last ? miss : MISS_PIECE, origin, 0.0, direction, 1.0,
-                            PAYLOAD);
+        hitObjectTraceRayNV(found, accelerationStructureEXT(scene), flags, kinds, 0u, 1u, last ? miss : MISS_PIECE, origin, 0.0,
+                            direction, 1.0, PAYLOAD);
         reorderThreadNV(found);
         hitObjectExecuteShaderNV(found, PAYLOAD);
 #else
-        traceRayEXT(pieces_scene(cell), flags, near, 0u, 1u, last ? miss : MISS_PIECE, origin, 0.0, direction, 1.0, PAYLOAD);
+        traceRayEXT(accelerationStructureEXT(scene), flags, kinds, 0u, 1u, last ? miss : MISS_PIECE, origin, 0.0, direction, 1.0,
+                    PAYLOAD);
 #endif
         if (last || payload.path.status != PATH_FLYING) break;
     }

@@ -21,7 +21,7 @@ use crate::{
         timing,
         watchdog::{self, Watchdog},
     },
-    vulkan::{ContextOptions, Tier, VulkanError, tier::DeviceKind},
+    vulkan::{ContextOptions, Tier, VulkanError},
 };
 use anyhow::{Context as _, anyhow};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
@@ -159,7 +159,7 @@ fn backend(
         return Ok(told(rt()?, " (asked for)"));
     }
     let context = open(Tier::Compute)?;
-    let (traces, software) = (context.info().can(Tier::Rt), context.info().kind == DeviceKind::Cpu);
+    let (traces, software) = (context.info().can(Tier::Rt), context.info().is_software());
     if args.backend == BackendChoice::Compute {
         return Ok(told(Box::new(ComputeBackend::new(&context)?), " (asked for)"));
     }

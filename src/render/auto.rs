@@ -4,7 +4,6 @@ use super::{Backend, Missing, compute::ComputeBackend, cpu::CpuBackend, plan::Pl
 use crate::vulkan::{
     self, Context, DeviceInfo, Tier, VulkanError,
     options::{ContextOptions, Validation},
-    tier::DeviceKind,
 };
 
 /// A backend, and why it was taken.
@@ -43,8 +42,7 @@ pub fn choose_with(options: &ContextOptions, plan: &Plan) -> Result<Chosen, Vulk
         Err(error) if !by_name => return Ok(on_cpu(format!("no Vulkan device can be used ({error})"))),
         Err(error) => return Err(error),
     };
-    let software = |device: &&DeviceInfo| device.kind == DeviceKind::Cpu;
-    if options.device.is_none() && devices.iter().all(|device| software(&device)) {
+    if options.device.is_none() && devices.iter().all(DeviceInfo::is_software) {
         let names: Vec<&str> = devices.iter().map(|device| device.name.as_str()).collect();
         return Ok(on_cpu(format!("faster than software Vulkan, and there is no GPU ({})", names.join(", "))));
     }
@@ -52,7 +50,7 @@ pub fn choose_with(options: &ContextOptions, plan: &Plan) -> Result<Chosen, Vulk
     for tier in [Tier::Rt, Tier::Compute] {
         let options = ContextOptions { tier, ..options.clone() };
         // Software that can trace must not win over a GPU that cannot.
-        let usable = |device: &DeviceInfo| device.can(tier) && (options.device.is_some() || !software(&device));
+        let usable = |device: &DeviceInfo| device.can(tier) && (options.device.is_some() || !device.is_software());
         if options.device.is_none() && !devices.iter().any(usable) {
             continue;
         }

@@ -249,7 +249,8 @@ pub struct Stats {
 /// Acceleration structures of a world on a device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StructureStats {
-    /// Bottom-level structures.
+    /// Bottom-level structures of what is in the cells. What single guards hold (software only) is not counted, but its bytes and
+    /// builds are.
     pub bottom: u64,
     /// Bytes that the driver reserved for those that never change.
     pub bytes_built: u64,

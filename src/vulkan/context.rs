@@ -1,7 +1,7 @@
 //! A logical device with its queue, its memory and its pipeline cache.
 
 use super::{
-    ContextOptions, DeviceInfo, DeviceKind, Tier, VulkanError,
+    ContextOptions, DeviceInfo, Tier, VulkanError,
     cache::{self, CacheFile},
     command::SUBMIT_TIME_OUT,
     fault::FaultInjection,
@@ -171,7 +171,7 @@ impl Context {
             instance.has_debug_names().then(|| ash::ext::debug_utils::Device::new(instance.raw(), &device.0));
         let tracing = rt.then(|| Functions::new(instance.raw(), &device.0));
         // Software on a busy machine is slow and does not hang.
-        let wanted = options.submit_time_out.filter(|_| info.kind != DeviceKind::Cpu);
+        let wanted = options.submit_time_out.filter(|_| !info.is_software());
         let submit_time_out = wanted.unwrap_or(SUBMIT_TIME_OUT);
         Ok(Arc::new(Self {
             info,

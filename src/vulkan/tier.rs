@@ -176,6 +176,11 @@ impl DeviceInfo {
         self.lacks(tier).is_empty()
     }
 
+    /// Whether the device is a program on the CPU.
+    pub fn is_software(&self) -> bool {
+        self.kind == DeviceKind::Cpu
+    }
+
     /// Place in the order of preference: less is better. Hardware comes before software whatever its features,
     /// because since Mesa 24.1 the software device advertises ray tracing too.
     pub fn rank(&self, tier: Tier) -> (bool, u32) {

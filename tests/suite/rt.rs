@@ -18,7 +18,7 @@ use holonomy::{
         world::{Pose, World},
     },
     scene::{Mesh, Motion, Object, Place, Scene, Shading, Shape, Vertex, file},
-    shader_io::{Box, KIND_ALL, KIND_MOVING, KIND_QUADRICS, Specialization},
+    shader_io::{Box, KIND_ALL, KIND_MESHES, KIND_MOVING, KIND_QUADRICS, Specialization},
     space::observer::Frame,
     vulkan::{Context, ContextOptions, Tier, cache::Found, fault::FaultInjection},
 };
@@ -153,7 +153,49 @@ fn rt_guards_hold_what_rests() {
     let plan = Plan::new(&moving, false);
     let pose = Pose::new(moving.observer.frame, 0.0);
     let moving = World::moving(&moving, &plan, pose).expect("a world");
-    assert_eq!(Guards::new(true, &moving).specialize(Specialization::default()).guarded & KIND_MOVING, 0);
+    let guards = Guards::new(true, &moving);
+    assert_eq!(guards.specialize(Specialization::default()).guarded & KIND_MOVING, 0);
+    assert!(guards.held(&moving).is_empty(), "what moves may be anywhere");
+}
+
+/// A segment that comes near one guard alone is traced among what this one holds: all that is in it, and everything that
+/// segments can meet is in one. Triangles only where they are few.
+#[test]
+fn rt_guards_hold_what_is_in_them() {
+    for (name, few) in [("bench-torus", true), ("knot", false)] {
+        let world = world(&file::load(name).expect("shipped scenes load"));
+        let guards = Guards::new(true, &world);
+        let held = guards.held(&world);
+        let boxes = &guards.boxes()[..held.len()];
+        let number = |kind| held.iter().filter(|held| held.kind == kind).count() as u32;
+        let constants = guards.specialize(Specialization::default());
+        assert_eq!([number(KIND_MESHES), number(KIND_QUADRICS)], [constants.mesh_guards, constants.quadric_guards]);
+        assert!(constants.mesh_guards > 0 && constants.quadric_guards > 1, "{name}: {constants:?}");
+        let around = |points: &[DVec3]| {
+            let lower = points.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+            (lower, points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max))
+        };
+        let triangles: Vec<_> = world.still.triangles.iter().map(|triangle| around(triangle)).collect();
+        let quadrics: Vec<_> = world.quadrics.iter().map(|q| (q.bounds.lower, q.bounds.upper)).collect();
+        let corner = |corner: [f32; 3]| DVec3::from(corner.map(f64::from));
+        for (guard, held) in boxes.iter().zip(&held) {
+            let about = if held.kind == KIND_MESHES { &triangles } else { &quadrics };
+            let inside = |&(lower, upper): &(DVec3, DVec3)| {
+                corner(guard.lower).cmple(lower).all() && upper.cmple(corner(guard.upper)).all()
+            };
+            let all = about.iter().zip(0_u32..).filter(|(about, _)| inside(about)).map(|(_, index)| index);
+            let all: Vec<u32> = if few || held.kind == KIND_QUADRICS { all.collect() } else { Vec::new() };
+            assert_eq!(held.indices, all, "{name}");
+        }
+        let somewhere = |kind: u32, index: u32| held.iter().any(|h| h.kind == kind && h.indices.contains(&index));
+        assert!((0..world.quadrics.len() as u32).all(|index| somewhere(KIND_QUADRICS, index)), "{name}");
+        let inside = world.still.inside(&world.domain, 0);
+        assert!(
+            inside.len() > 1000 && (!few || inside.iter().all(|&index| somewhere(KIND_MESHES, index as u32))),
+            "{name}"
+        );
+        assert!(Guards::new(false, &world).held(&world).is_empty(), "hardware has no guards");
+    }
 }
 
 /// A sphere with so many rows and columns of quadrilaterals.
@@ -294,6 +336,25 @@ fn rt_copies_of_several_sizes_share_a_structure() {
         let share = differing(&target, &draw(&mut cpu, &shot).0, 2e-3);
         assert!(share < 2e-3, "{shading:?}: {share}");
     }
+}
+
+/// Software traverses few triangles faster if they are one structure, whatever they are images of; and the picture is right.
+#[test]
+fn rt_few_triangles_are_one_structure_on_software() {
+    let Some(gpu) = rt_gpu() else { return };
+    let scene = crowd("half-turn", sphere(10, 10), 9, 0.05);
+    let (world, shot) = (world(&scene), picture(&scene, [128, 96]));
+    let images = world.still.copies.iter().filter(|copy| copy.image_of.is_some()).count();
+    assert!(images >= 8, "{images}");
+    let (mut rt, mut cpu) = (RtBackend::new(&gpu).expect("a backend"), CpuBackend::default());
+    rt.load(&world).expect("a load");
+    cpu.load(&world).expect("a load");
+    let (target, stats) = draw(&mut rt, &shot);
+    let all = structures(&stats);
+    let instances = if gpu.info().is_software() { 1 } else { images as u64 + 1 };
+    assert_eq!((all.bottom, all.instances), (1, instances));
+    let share = differing(&target, &draw(&mut cpu, &shot).0, 2e-3);
+    assert!(share < 2e-3, "{share}");
 }
 
 /// Where isometries are no affine maps of the chart, copies are no instances: all of a cell are one structure, and the picture

@@ -16,7 +16,7 @@ use crate::{
         GROUP_WIDTH, LIST_WIDTH, Specialization, binding, types::uvec4,
     },
     vulkan::{
-        DeviceInfo, DeviceKind, Tier, VulkanError,
+        DeviceInfo, Tier, VulkanError,
         descriptor::{Bound, BufferSet, Layout},
         record::Recorder,
         shader::{ComputePipeline, ComputeShader},
@@ -39,7 +39,7 @@ pub struct ComputeOptions {
 /// of a vector, and reads once what all of them read. Mesa's does so in version 25 and later; 22.3.6 reads lane by lane.
 pub fn walks_together(device: &DeviceInfo) -> bool {
     let mesa = device.driver_info.split_once("Mesa ").and_then(|(_, version)| version.split('.').next()?.parse().ok());
-    device.kind == DeviceKind::Cpu && mesa.is_none_or(|version: u32| version >= 25)
+    device.is_software() && mesa.is_none_or(|version: u32| version >= 25)
 }
 
 /// The compute pipeline of a world.

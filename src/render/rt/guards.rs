@@ -3,7 +3,8 @@
 //! Where traversal is software, each step of it costs as much as looking at a dozen boxes that are the same for all rays, and
 //! long thin objects, such as the edges of a cell, make hierarchies through which each ray takes many steps. So there
 //! raygen looks at some boxes about what is in the cell first: instances of a kind that the segment does not come near are
-//! masked out, and a segment that comes near nothing is not traced. Arcs are short, and one bit says the same of them
+//! masked out, a segment that comes near one box alone is traced among what is in that ([`super::alone`]), and one that comes
+//! near nothing is not traced. Arcs are short, and one bit says the same of them
 //! (`src/render/world/voxels.rs`). Hardware has no guards.
 
 use super::scene::box_about;
@@ -12,7 +13,7 @@ use crate::{
         bvh::{Aabb, covers},
         world::{World, hierarchy::Hierarchy},
     },
-    shader_io::{Box, GUARDS, KIND_MESHES, KIND_MOVING, KIND_QUADRICS, Specialization},
+    shader_io::{Box, GUARDS, Guard, KIND_ALL, KIND_MESHES, KIND_MOVING, KIND_QUADRICS, Specialization, types::uvec2},
     space::domain::Domain,
 };
 use glam::DVec3;
@@ -26,6 +27,11 @@ const ASKING: f64 = 0.01;
 
 /// Guards are there if they bring the cost of a kind down to this.
 const WORTH_IT: f64 = 0.6;
+
+/// Up to so many resting triangles, where traversal is software, are one structure of a cell whatever they are images of: that is
+/// 1 MB at most, and no instance is entered whose box is loose because it is turned with what is in it. And what guards hold of
+/// them has structures as well.
+pub const FEW: usize = 8192;
 
 /// The guards of a world.
 #[derive(Clone, Debug, Default)]
@@ -80,6 +86,46 @@ impl Guards {
     pub fn boxes(&self) -> [Box; GUARDS as usize] {
         let mut all = self.meshes.iter().chain(&self.quadrics).copied();
         std::array::from_fn(|_| all.next().unwrap_or_default())
+    }
+
+    /// What shaders ask: the boxes, with the structures of what is in each alone, if there are any.
+    pub fn asked(&self, scenes: &[uvec2]) -> [Guard; GUARDS as usize] {
+        let boxes = self.boxes();
+        std::array::from_fn(|at| {
+            let Box { lower, upper } = boxes[at];
+            Guard { lower, upper, scene: scenes.get(at).copied().unwrap_or_default() }
+        })
+    }
+
+    /// What each guard holds, in the order of [`boxes`](Self::boxes); nothing where a segment that comes near one guard alone
+    /// may meet something that is in none, or where there is no other.
+    pub fn held(&self, world: &World) -> Vec<Held> {
+        if self.kinds != KIND_ALL || self.meshes.len() + self.quadrics.len() < 2 {
+            return Vec::new();
+        }
+        let triangles = if world.still.triangles.len() > FEW { &[][..] } else { &world.still.triangles };
+        let triangles: Vec<Aabb> = triangles.iter().map(|triangle| Aabb::around(triangle.iter().copied())).collect();
+        let quadrics: Vec<Aabb> = world.quadrics.iter().map(|quadric| quadric.bounds).collect();
+        let meshes = self.meshes.iter().map(|guard| Held::new(KIND_MESHES, guard, &triangles));
+        meshes.chain(self.quadrics.iter().map(|guard| Held::new(KIND_QUADRICS, guard, &quadrics))).collect()
+    }
+}
+
+/// What is in a guard.
+#[derive(Clone, Debug)]
+pub struct Held {
+    /// Of which kind it is.
+    pub kind: u32,
+    /// Indices of resting triangles or of quadrics, in order.
+    pub indices: Vec<u32>,
+}
+
+impl Held {
+    fn new(kind: u32, guard: &Box, bounds: &[Aabb]) -> Self {
+        let [lower, upper] = [guard.lower, guard.upper].map(|corner| DVec3::from(corner.map(f64::from)));
+        let inside = |bounds: &Aabb| lower.cmple(bounds.lower).all() && bounds.upper.cmple(upper).all();
+        let held = bounds.iter().zip(0..).filter(|(bounds, _)| inside(bounds));
+        Self { kind, indices: held.map(|(_, index)| index).collect() }
     }
 }
 

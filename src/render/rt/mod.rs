@@ -15,7 +15,7 @@
 //! the triangles with the arc.
 //!
 //! **Guards** ([`guards`]): where traversal is software, raygen masks out what a segment does not come near, and traces none that
-//! comes near nothing.
+//! comes near nothing. What one guard alone holds has a structure of its own ([`alone`]), and few triangles have no images.
 //!
 //! **Moving objects** ([`moving`]) are placed on the device and their structures refitted.
 //!
@@ -23,6 +23,7 @@
 //! stage bodies that the compute backend runs, so both backends agree to the last bit but for rays within a rounding
 //! of an outline.
 
+mod alone;
 pub mod guards;
 pub mod moving;
 pub mod scene;
@@ -39,7 +40,7 @@ use crate::{
         self as io, COUNT_NODES, COUNT_QUADRICS, COUNT_TRIANGLES, Dispatch, LIST_WIDTH, Specialization, binding,
     },
     vulkan::{
-        Context, DeviceInfo, DeviceKind, Tier, VulkanError,
+        Context, DeviceInfo, Tier, VulkanError,
         descriptor::{Bound, BufferSet, Layout},
         record::Recorder,
         tracing::{
@@ -158,7 +159,7 @@ impl Tracer for Rt {
         options: RtOptions,
         last: Option<Self>,
     ) -> Result<(Self, Vec<Bound>), RenderError> {
-        let guards = Guards::new(device.context.info().kind == DeviceKind::Cpu, world);
+        let guards = Guards::new(device.context.info().is_software(), world);
         let variant = Variant {
             geometry: world.geometry,
             constants: guards.specialize(world.plan.specialization()),

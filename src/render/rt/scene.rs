@@ -11,8 +11,10 @@ use super::{
             meshes::{MeshCopy, Part},
         },
     },
-    Group, groups,
-    guards::Guards,
+    Group,
+    alone::Alone,
+    groups,
+    guards::{FEW, Guards},
     moving::MovingMeshes,
 };
 use crate::{
@@ -53,6 +55,7 @@ const SPARE_QUADRICS: usize = 16;
 pub struct RtScene {
     still: Still,
     quadrics: Option<Quadrics>,
+    alone: Alone,
     moving: MovingMeshes,
     /// About triangles, where segments are arcs.
     boxes: Option<Arc<Buffer>>,
@@ -109,11 +112,13 @@ struct StillInstance {
 
 /// Quadrics of all cells, in one buffer with room for some more in each cell.
 #[derive(Debug)]
-struct Quadrics {
+pub(super) struct Quadrics {
     /// Places of each cell in the buffers.
     places: Vec<Range<usize>>,
     /// First hit record of each cell.
     records: Vec<u32>,
+    /// The hit group of all.
+    group: usize,
     /// One structure for each cell that has quadrics.
     structures: Vec<Option<BottomLevel>>,
     boxes: Arc<Buffer>,
@@ -131,14 +136,9 @@ impl RtScene {
     pub fn build(device: &mut Device, world: &World, guards: &Guards) -> Result<Built, RenderError> {
         let mut records = Vec::new();
         let mut bound = Vec::new();
-        let mut arrays = [uvec4::default(); ARRAYS as usize];
-        arrays[ARRAY_GUARDS as usize] =
-            device.upload_addressed(&mut bound, (binding::guards, "guards"), guards.boxes().to_vec())?;
-        bound.extend(device.upload(&[
-            (binding::arrays, "addresses of arrays", cast_slice(&arrays)),
-            (binding::voxels, "voxels", cast_slice(&guards.hierarchy.voxels.words)),
-        ])?);
+        bound.extend(device.upload(&[(binding::voxels, "voxels", cast_slice(&guards.hierarchy.voxels.words))])?);
         if !world.plan.uses(Feature::Meshes) && !world.plan.uses(Feature::Quadrics) {
+            put_guards(device, &mut bound, guards, &[])?;
             let cells = pack::cells(world, &guards.hierarchy, &[]);
             bound.extend(device.upload(&[(binding::cells, "cells", cast_slice(&cells))])?);
             return Ok(Built { scene: None, bound, records });
@@ -146,15 +146,14 @@ impl RtScene {
         let mut stats = StructureStats::default();
         let mut still = Still::default();
         let mut moving = MovingMeshes::default();
-        let mut boxes = None;
+        let mut triangles = None;
         if world.plan.uses(Feature::Meshes) {
             let slots = MovingMeshes::slots(world);
-            let triangles = Triangles::new(device, world, slots.triangles())?;
-            still = Still::new(device, world, &triangles, &mut records, &mut stats)?;
-            moving = MovingMeshes::new(device, world, slots, &triangles, &mut records)?;
+            let triangles = triangles.insert(Triangles::new(device, world, slots.triangles())?);
+            still = Still::new(device, world, triangles, &mut records, &mut stats)?;
+            moving = MovingMeshes::new(device, world, slots, triangles, &mut records)?;
             bound.push(Bound::whole(binding::triangles, &triangles.corners));
             bound.push(Bound::whole(binding::triangle_shading, &triangles.shading));
-            boxes = triangles.boxes;
         }
         let quadrics = if world.plan.uses(Feature::Quadrics) {
             let quadrics = Quadrics::new(device, world, &mut records, &mut stats)?;
@@ -170,10 +169,14 @@ impl RtScene {
             let capacity = instances + moving.capacity() + usize::from(quadrics.is_some());
             tops.push(TopLevel::new(&device.context, &format!("cell {cell}"), capacity)?);
         }
+        let (meshes, round) = (triangles.as_ref(), quadrics.as_ref());
+        let alone = Alone::new(device, world, guards, meshes, round, &mut records, &mut stats)?;
+        put_guards(device, &mut bound, guards, &alone.addresses)?;
         let addresses: Vec<uvec2> = tops.iter().map(TopLevel::address).collect();
         let cells = pack::cells(world, &guards.hierarchy, &addresses);
         bound.extend(device.upload(&[(binding::cells, "cells", cast_slice(&cells))])?);
-        let mut scene = Self { still, quadrics, moving, boxes, tops, stats };
+        let boxes = triangles.and_then(|triangles| triangles.boxes);
+        let mut scene = Self { still, quadrics, alone, moving, boxes, tops, stats };
         scene.moving.pose(device, world, &mut scene.stats)?;
         scene.build_tops(device)?;
         Ok(Built { scene: Some(scene), bound, records })
@@ -227,7 +230,8 @@ impl RtScene {
             quadrics.boxes.size() + quadrics.structures.iter().flatten().map(BottomLevel::bytes).sum::<u64>()
         });
         let boxes = self.boxes.as_ref().map_or(0, |boxes| boxes.size());
-        still + quadrics + boxes + self.moving.memory() + self.tops.iter().map(TopLevel::bytes).sum::<u64>()
+        let tops = self.tops.iter().map(TopLevel::bytes).sum::<u64>();
+        still + quadrics + boxes + self.alone.bytes() + self.moving.memory() + tops
     }
 
     /// Numbers for `--stats`; the table is not known here.
@@ -237,7 +241,7 @@ impl RtScene {
         StructureStats {
             bottom: (self.still.structures.len() + self.moving.structures().count() + quadrics.count()) as u64,
             bytes_moving: moving.map(BottomLevel::bytes).sum(),
-            bytes_top: self.tops.iter().map(TopLevel::bytes).sum(),
+            bytes_top: self.tops.iter().map(TopLevel::bytes).sum::<u64>() + self.alone.bytes_top(),
             ..self.stats
         }
     }
@@ -298,11 +302,13 @@ impl Still {
         let copies = &world.still.copies;
         let made: Vec<_> = copies.iter().map(|copy| geometries(world, &copy.parts)).collect();
         let opaque = |index: usize| made[index].0.iter().map(|part| part.opaque);
+        let images =
+            triangles.boxes.is_none() && (!device.context.info().is_software() || world.still.triangles.len() > FEW);
         // Another material may make holes, and then the structure is another one; and the image of a box is none.
         let shared = |index: usize| {
             copies[index].image_of.filter(|(first, _)| {
                 let same = *first < index && copies[*first].len() == copies[index].len();
-                same && triangles.boxes.is_none() && opaque(*first).eq(opaque(index))
+                images && same && opaque(*first).eq(opaque(index))
             })
         };
         // Of its own is what others are images of; and, because software traverses large structures of boxes badly (1.2
@@ -358,6 +364,20 @@ impl Still {
     }
 }
 
+/// Brings the guards to the device.
+fn put_guards(
+    device: &mut Device,
+    bound: &mut Vec<Bound>,
+    guards: &Guards,
+    scenes: &[uvec2],
+) -> Result<(), RenderError> {
+    let mut arrays = [uvec4::default(); ARRAYS as usize];
+    let asked = guards.asked(scenes).to_vec();
+    arrays[ARRAY_GUARDS as usize] = device.upload_addressed(bound, (binding::guards, "guards"), asked)?;
+    bound.extend(device.upload(&[(binding::arrays, "addresses of arrays", cast_slice(&arrays))])?);
+    Ok(())
+}
+
 fn rows(map: &DAffine3) -> [[f32; 4]; 3] {
     let (m, t) = (map.matrix3, map.translation);
     [0, 1, 2].map(|i| [m.x_axis[i], m.y_axis[i], m.z_axis[i], t[i]].map(|x| x as f32))
@@ -405,6 +425,7 @@ impl Quadrics {
             shading: make("quadric shading", size_of::<io::QuadricShading>())?,
             structures: Vec::new(),
             records: first_records,
+            group,
             places,
             current: Vec::new(),
         };
@@ -460,6 +481,16 @@ impl Quadrics {
         }
         self.current = current;
         Ok(true)
+    }
+
+    /// What structures are built from.
+    pub fn shapes(&self) -> (Shapes, Arc<Buffer>) {
+        (Shapes::Boxes, self.boxes.clone())
+    }
+
+    /// The hit record of a geometry that begins with the quadric in that place of the buffers.
+    pub fn record(&self, first: u32) -> Record<HitRecord> {
+        Record { group: self.group, data: HitRecord { first, material: NONE } }
     }
 
     fn instance(&self, cell: usize) -> Option<Instance<'_>> {
