@@ -26,14 +26,14 @@ const bool ARRAYS_ADDRESSED = false;
     }
 
 ARRAYS_READ(array_node, Node, Nodes, io_nodes, IO_ARRAY_NODES)
+ARRAYS_READ(array_pair, Triangle, Triangles, io_triangles, IO_ARRAY_TRIANGLES)
+ARRAYS_READ(array_quadric, Quadric, Quadrics, io_quadric_surfaces, IO_ARRAY_QUADRICS)
+ARRAYS_READ(array_quadric_shading, QuadricShading, QuadricShadings, io_quadric_shading, IO_ARRAY_QUADRIC_SHADING)
+
 // One of a node's children.
 uint array_child(uvec4 nodes, uint index, uint child) {
     return Nodes(nodes.xy).at[min(index, nodes.z)].children[child];
 }
-
-ARRAYS_READ(array_pair, Triangle, Triangles, io_triangles, IO_ARRAY_TRIANGLES)
-ARRAYS_READ(array_quadric, Quadric, Quadrics, io_quadric_surfaces, IO_ARRAY_QUADRICS)
-ARRAYS_READ(array_quadric_shading, QuadricShading, QuadricShadings, io_quadric_shading, IO_ARRAY_QUADRIC_SHADING)
 
 // There are none but on software.
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Guards { Guard at[]; };

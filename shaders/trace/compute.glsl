@@ -139,6 +139,11 @@ uint node_primitives(Node node) {
     return 255u * (bits.x | bits.y | bits.z | bits.w);
 }
 
+// Whether the last of a node's children is the nearest to rays that go `down` along some axes: it is sorted along one.
+bool node_reversed(uint reference, uint down) {
+    return ((down >> reference_kind(reference)) & 1u) != 0u;
+}
+
 // Walks the hierarchy of a cell front to back, all invocations of a subgroup together; returns the primitive hit, or IO_NONE.
 // With `any_hit` the first one found will do. An entry of the stack is a node and, a byte each, the invocations that still
 // have to go to its children: the lowest entry a node above the root. Choices that all share are made without branches, as far
@@ -164,8 +169,7 @@ uint traverse_together(Segment segment, uint cell, bool any_hit) {
         uint parent = io_stacks[stack + depth - 2u];
         uint rest = io_stacks[stack + depth - 1u];
         // The nearest child that any of them has to go to.
-        bool from_last = ((down >> reference_kind(parent)) & 1u) != 0u;
-        uint child = (uint(from_last ? findMSB(rest) : findLSB(rest)) >> 3u) & 3u;
+        uint child = (uint(node_reversed(parent, down) ? findMSB(rest) : findLSB(rest)) >> 3u) & 3u;
         uint owners = (rest >> (8u * child)) & 255u;
         rest &= ~(255u << (8u * child));
         uint current = array_child(nodes, reference_index(parent), child);
@@ -207,15 +211,14 @@ uint traverse_together(Segment segment, uint cell, bool any_hit) {
     return found;
 }
 
-// The children of a node from near to far, by the axis that it is sorted along, and the bits that stand for them.
+// The children of a node from near to far, and the bits that stand for them.
 struct Children {
     uvec4 references;
     uvec4 bits;
 };
 
 Children node_children(Node node, uint reference, uint down) {
-    bool from_last = ((down >> reference_kind(reference)) & 1u) != 0u;
-    return from_last ? Children(node.children.wzyx, CHILDREN.wzyx) : Children(node.children, CHILDREN);
+    return node_reversed(reference, down) ? Children(node.children.wzyx, CHILDREN.wzyx) : Children(node.children, CHILDREN);
 }
 
 // The same for an invocation by itself. It walks nodes until one has primitives to test, so that those of a subgroup, which

@@ -95,8 +95,8 @@ impl Tracer for Compute {
             device.upload_addressed(&mut bound, (binding::quadric_shading, "quadric shading"), quadric_shading)?;
         bound.extend(device.upload(&[(binding::arrays, "addresses of arrays", cast_slice(&arrays))])?);
         let entry = if world.plan.heat == Some(Heat::Time) { "path_clock.comp" } else { "path.comp" };
-        // Two words for each level and for the depth, of which `stack` has room for three. Few sizes of stacks, so that pipelines
-        // fit one world after the other.
+        // A level has an entry of two words, where `stack` counts three, and one word says how many are in use. Few sizes of stacks,
+        // so that pipelines fit one world after the other.
         let together = if together { (hierarchy.stack + 1).next_power_of_two().max(16) } else { 0 };
         let variant = (world.geometry, Specialization { together, ..world.plan.specialization() }, entry);
         let tracer = match last.filter(|last| last.variant == variant) {

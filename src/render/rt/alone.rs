@@ -71,14 +71,20 @@ impl Alone {
         stats.builds += 2 * structures.len() as u64;
         stats.bytes_built += bytes.built;
         stats.bytes_compacted += bytes.kept;
+        let mut placed = Vec::with_capacity(structures.len());
         for (structure, (guard, record, kind)) in structures.iter().zip(places) {
             let mut top = TopLevel::new(&device.context, &format!("guard {guard}"), 1)?;
-            let placed = top.place(&[Instance { structure, transform: IDENTITY, record, kind }])?;
-            device.submitter.submit("place what a guard holds", |r| r.build(&top, placed))?;
+            placed.push(top.place(&[Instance { structure, transform: IDENTITY, record, kind }])?);
             alone.addresses[guard] = top.address();
             alone.tops.push(top);
         }
         alone.structures = structures;
+        if !alone.tops.is_empty() {
+            let tops = &alone.tops;
+            device.submitter.submit("place what guards hold", |r| {
+                tops.iter().zip(placed).try_for_each(|(top, placed)| r.build(top, placed))
+            })?;
+        }
         Ok(alone)
     }
 
