@@ -190,10 +190,7 @@ fn rt_guards_hold_what_is_in_them() {
         let somewhere = |kind: u32, index: u32| held.iter().any(|h| h.kind == kind && h.indices.contains(&index));
         assert!((0..world.quadrics.len() as u32).all(|index| somewhere(KIND_QUADRICS, index)), "{name}");
         let inside = world.still.inside(&world.domain, 0);
-        assert!(
-            inside.len() > 1000 && (!few || inside.iter().all(|&index| somewhere(KIND_MESHES, index as u32))),
-            "{name}"
-        );
+        assert!(inside.len() > 1000 && (!few || inside.iter().all(|&index| somewhere(KIND_MESHES, index))), "{name}");
         assert!(Guards::new(false, &world).held(&world).is_empty(), "hardware has no guards");
     }
 }

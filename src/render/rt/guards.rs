@@ -3,7 +3,7 @@
 //! Where traversal is software, each step of it costs as much as looking at a dozen boxes that are the same for all rays, and
 //! long thin objects, such as the edges of a cell, make hierarchies through which each ray takes many steps. So there
 //! raygen looks at some boxes about what is in the cell first: instances of a kind that the segment does not come near are
-//! masked out, a segment that comes near one box alone is traced among what is in that ([`super::alone`]), and one that comes
+//! masked out, a segment that comes near one box alone is traced among what is in that (`alone.rs`), and one that comes
 //! near nothing is not traced. Arcs are short, and one bit says the same of them
 //! (`src/render/world/voxels.rs`). Hardware has no guards.
 

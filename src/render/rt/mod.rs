@@ -15,7 +15,7 @@
 //! the triangles with the arc.
 //!
 //! **Guards** ([`guards`]): where traversal is software, raygen masks out what a segment does not come near, and traces none that
-//! comes near nothing. What one guard alone holds has a structure of its own ([`alone`]), and few triangles have no images.
+//! comes near nothing. What one guard alone holds has a structure of its own (`alone`), and few triangles have no images.
 //!
 //! **Moving objects** ([`moving`]) are placed on the device and their structures refitted.
 //!
