@@ -133,9 +133,9 @@ uint slabs_entered_together(Slabs slabs, Node node, float s_end, Lanes lanes, ui
     return subgroupOr(entered);
 }
 
-// The bytes of those children of a node that are primitives.
-uint node_primitives(Node node) {
-    uvec4 bits = (node.children >> (IO_REFERENCE_PRIMITIVE_BIT - uvec4(0u, 8u, 16u, 24u))) & CHILDREN;
+// The bytes of those children of a node that are no nodes.
+uint node_ends(Node node) {
+    uvec4 bits = (node.children >> (IO_REFERENCE_END_BIT - uvec4(0u, 8u, 16u, 24u))) & CHILDREN;
     return 255u * (bits.x | bits.y | bits.z | bits.w);
 }
 
@@ -176,13 +176,14 @@ uint traverse_together(Segment segment, uint cell, bool any_hit) {
         Node node = array_node(nodes, reference_index(current));
         if (((owners >> gl_SubgroupInvocationID) & 1u) != 0u) count(IO_COUNT_NODES);
         uint entered = slabs_entered_together(slabs, node, s_end, lanes, owners, zero);
-        uint primitives = node_primitives(node);
+        uint ends = node_ends(node);
         // Primitives at once. Most nodes have none that is entered.
-        if ((entered & primitives) != 0u) {
+        if ((entered & ends) != 0u) {
             [[unroll]] for (uint i = 0u; i < 4u; i++) {
                 uint name = node.children[i];
-                uint testers = ((entered & primitives) >> (8u * i)) & 255u;
-                if (testers != 0u) {
+                uint testers = ((entered & ends) >> (8u * i)) & 255u;
+                // A segment may pass through the point that is the box of nothing.
+                if (testers != 0u && reference_kind(name) > IO_REFERENCE_NOTHING) {
                     if (((testers >> gl_SubgroupInvocationID) & 1u) != 0u) {
                         float s = leaf_hit(segment, name, s_end);
                         if (s < s_end) {
@@ -199,7 +200,7 @@ uint traverse_together(Segment segment, uint cell, bool any_hit) {
             }
         }
         // The node's own nodes come next, or the rest of its parent's, or those that have waited longer.
-        uint below = entered & ~primitives;
+        uint below = entered & ~ends;
         io_stacks[stack + depth - 1u] = rest;
         depth -= rest == 0u ? 2u : 0u;
         io_stacks[stack + depth] = current;

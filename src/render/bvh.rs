@@ -12,7 +12,7 @@ pub mod pairs;
 mod reinsertion;
 
 use crate::shader_io::{
-    LINES, Node, REFERENCE_NOTHING, REFERENCE_PRIMITIVE_BIT, REFERENCE_QUADRIC, REFERENCE_SHIFT, REFERENCE_TRIANGLE,
+    LINES, Node, REFERENCE_END_BIT, REFERENCE_NOTHING, REFERENCE_QUADRIC, REFERENCE_SHIFT, REFERENCE_TRIANGLE,
     STACK_SIZE,
 };
 use glam::{DVec3, Vec3};
@@ -382,13 +382,13 @@ impl Reference {
     }
 }
 
-// Shaders tell primitives by their bit.
+// Shaders tell nodes by their lack of a bit.
 const _: () = {
     const fn has_bit(kind: u32) -> bool {
-        (kind << REFERENCE_SHIFT) & (1 << REFERENCE_PRIMITIVE_BIT) != 0
+        (kind << REFERENCE_SHIFT) & (1 << REFERENCE_END_BIT) != 0
     }
-    assert!(has_bit(REFERENCE_TRIANGLE) && has_bit(REFERENCE_QUADRIC));
-    assert!(!has_bit(0) && !has_bit(1) && !has_bit(2) && !has_bit(REFERENCE_NOTHING));
+    assert!(has_bit(REFERENCE_NOTHING) && has_bit(REFERENCE_TRIANGLE) && has_bit(REFERENCE_QUADRIC));
+    assert!(!has_bit(0) && !has_bit(1) && !has_bit(2));
 };
 
 /// Most primitives and most nodes that references can name: triangles may all be in pairs alone.

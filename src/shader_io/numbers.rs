@@ -38,14 +38,14 @@ numbers! {
     /// A reference within a hierarchy is an index and, from this bit on, what is there: 0, 1 or 2 for a node, the axis along
     /// which its children are sorted, or one of the following.
     REFERENCE_SHIFT: uint = 28;
-    /// Bit of a reference that those of triangles and quadrics have, and no others.
-    REFERENCE_PRIMITIVE_BIT: uint = REFERENCE_SHIFT + 2;
-    /// Nothing is there.
-    REFERENCE_NOTHING: uint = 3;
+    /// Bit of a reference that none to a node has, and all others.
+    REFERENCE_END_BIT: uint = REFERENCE_SHIFT + 2;
+    /// Nothing is there. Its box is one point, which rays may pass through.
+    REFERENCE_NOTHING: uint = 4;
     /// A triangle is there.
-    REFERENCE_TRIANGLE: uint = 4;
+    REFERENCE_TRIANGLE: uint = 5;
     /// A quadric is there.
-    REFERENCE_QUADRIC: uint = 5;
+    REFERENCE_QUADRIC: uint = 6;
     /// Among the arrays that are read by address: the nodes.
     ARRAY_NODES: uint = 0;
     /// The triangles.

@@ -16,7 +16,7 @@ use holonomy::{
         rt::{RtBackend, RtOptions},
         world::World,
     },
-    scene::{Scene, Shading, file},
+    scene::{Scene, Shading, file, folder::Folder},
     shader_io as io,
     space::catalogue,
     vulkan::{Context, DeviceKind},
@@ -399,6 +399,31 @@ fn agree_covers_all_shipped_scenes() {
         // An empty cell shows its background.
         assert!(name == "bench-cell" || here.contains(&format!("agrees({name:?})")), "{name} is not compared");
     }
+}
+
+/// Nodes with fewer children than they have room for keep boxes of nothing, one point at the upper corner of all boxes. A ray
+/// that passes exactly there meets what is behind, and comes to an end.
+#[test]
+fn agree_at_the_upper_corner_of_all_boxes() {
+    let Some(gpu) = support::gpu() else { return };
+    let text = "[space]\ngeometry = \"e3\"\n\
+        [observer]\nposition = [0.7, 0.7, 0.7]\nlook = [-1, -1, -1]\nfov = 60\n\
+        [render]\nambient = [1, 1, 1]\nmax-distance = 10\n\
+        [[object]]\nkind = \"ball\"\nposition = [0, 0, 0]\nradius = 0.25\nmaterial = \"m\"\n[[material]]\nname = \"m\"\n";
+    let scene = file::read("corner.toml", text.as_bytes(), &Folder::Embedded).unwrap_or_else(|e| panic!("{e}"));
+    let world = Arc::new(World::new(&scene, &Plan::new(&scene, false), scene.observer.frame).expect("the world fits"));
+    // The one at the centre of an odd number of pixels.
+    const ODD: [u32; 2] = [5, 5];
+    let shot = Shot::symmetric(scene.observer.frame, scene.observer.fov, ODD);
+    let shows = |backend: &mut dyn Backend| {
+        backend.load(&world).expect("the world loads");
+        let mut target = Target::new(ODD);
+        backend.render(&shot, &mut target, &|_| ()).expect("the picture is drawn");
+        srgb(&target)
+    };
+    let expected = shows(&mut CpuBackend::default());
+    assert_ne!(expected[12], expected[0], "the ball is at the centre");
+    assert_eq!(shows(&mut compute(&gpu)), expected);
 }
 
 /// Raw values agree too: within rounding where both hit the same thing.
