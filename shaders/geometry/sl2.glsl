@@ -272,10 +272,11 @@ float sl2_frame_length(vec4 p, vec3 dc) {
     return length(vec3(horizontal, dc.z - sl2_cross(horizontal, p.xy) / (1.0 + p.w)));
 }
 
-// Bound of the third derivative over a step h.
+// Bound of the third derivative over a step h: see the twin.
 float sl2_third(float third, float speed, float distance, float h) {
-    float distortion = speed * min(0.31 + 2.0 * (distance + h), 2.0);
-    return (third + 6.12 * speed * speed * h) * exp(distortion * h);
+    float way = speed * h;
+    float risen = min(way, max(0.845 - distance, 0.0));
+    return (third + 6.12 * speed * way) * exp(min(0.31 + 2.0 * distance, 2.0) * way + risen * (2.0 * way - risen));
 }
 
 float geo_arc(Geodesic g, float u_max, float tolerance) {
@@ -285,9 +286,8 @@ float geo_arc(Geodesic g, float u_max, float tolerance) {
     float distance = length(p.xy) / p.w;
     float third = sl2_frame_length(p, sl2_third_derivative(p, v, g.velocity.z));
     float limit = min(u_max, SL2_HORIZON);
-    float h = 0.0;
-    for (int i = 0; i < M_ARC_STEPS; i++) h = m_arc(sl2_third(third, speed, distance, h), tolerance, limit);
-    return h;
+    float most = m_arc(third, tolerance, limit);
+    return m_arc_between(most, m_arc(sl2_third(third, speed, distance, most), tolerance, limit));
 }
 
 float geo_parameter(Geodesic g, vec3 c) {

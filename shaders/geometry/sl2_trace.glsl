@@ -165,9 +165,8 @@ float geo_arc(Geodesic g, float u_max, float tolerance) {
     float q = abs(sl2_trace_square(g.velocity));
     float slope = m_atan(abs(g.point.y), abs(1.0 + g.point.x));
     float limit = min(u_max, 0.5 * (M_HALF_PI - slope) / norm);
-    float h = 0.0;
-    for (int i = 0; i < M_ARC_STEPS; i++) h = m_arc(sl2_trace_third(q, slope, norm, h), tolerance, limit);
-    return h;
+    float most = m_arc(sl2_trace_third(q, slope, norm, 0.0), tolerance, limit);
+    return m_arc_between(most, m_arc(sl2_trace_third(q, slope, norm, most), tolerance, limit));
 }
 
 float geo_parameter(Geodesic g, vec3 c) {

@@ -205,11 +205,15 @@ float m_cube_root(float x) {
 
 // The longest arc whose chart's third derivative is at most `third`: it deviates by third h^3 / 96 (Segment::along in
 // src/geometry/mod.rs). Geometries bound the derivative over a step h by a function of h: what no step at all allows is too
-// long, what that allows too short, and so on, M_ARC_STEPS times, an even number (longest_arc in src/geometry/curved.rs).
+// long, and what that allows too short.
 float m_arc(float third, float tolerance, float limit) {
     return min(m_cube_root(96.0 * tolerance / max(third, 1e-30)), limit);
 }
 
-const int M_ARC_STEPS = 4;
+// The longest arc between these two, on the safe side if the bound is convex: see longest_arc in src/geometry/curved.rs.
+float m_arc_between(float most, float least) {
+    float apart = 1.0 - least / most;
+    return least * (1.0 + 0.65 * apart * apart);
+}
 
 #endif

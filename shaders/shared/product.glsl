@@ -177,9 +177,9 @@ float geo_arc(Geodesic g, float u_max, float tolerance) {
     float lean = c * abs(g.velocity.z);
     float start = abs(g.velocity.w / g.point.w);
     float limit = min(0.45 / max(c + 1.1 * start, 1e-30), u_max);
-    float h = 0.0;
-    for (int i = 0; i < M_ARC_STEPS; i++) h = m_arc(product_third(h, lean, start, c), tolerance, limit);
-    return h;
+    float most = m_arc(product_third(0.0, lean, start, c), tolerance, limit);
+    float least = m_arc(product_third(most, lean, start, c), tolerance, limit);
+    return PRODUCT_CURVATURE < 0.0 ? least : m_arc_between(most, least);
 }
 
 float geo_parameter(Geodesic g, vec3 c) {

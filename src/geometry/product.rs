@@ -14,7 +14,7 @@
 //! Face planes are vertical (no z) or horizontal (only z) in every product domain; those have closed forms. Others,
 //! which no isometry but a turn about the base point takes to planes, are found by `first_passage`.
 
-use super::curved::longest_arc;
+use super::curved::{arc_bounds, longest_arc};
 use super::passage::{Motion, first_passage};
 use super::{ALONG_FACE, Elementary, Geodesic, Geometry, Isometry, ON_FACE, Quadric, Real, Real3, Real4, RealGeodesic};
 use glam::{DMat4, DVec3, DVec4};
@@ -279,13 +279,15 @@ impl<P: Product> Geometry for P {
         let c = speed::<P>(g);
         let (lean, start) = (c * g.velocity.z.abs(), (g.velocity.w / g.point.w).abs());
         let limit = (0.45 / (c + 1.1 * start)).min(u_max);
-        longest_arc(limit, tolerance, |t| {
+        let third = |t: f64| {
             // m c at most.
             let growth = (start + 1.1 * c * c * t) / (1.0 - P::CURVATURE.max(0.0) * 1.1 * start * t);
             let growth = if P::CURVATURE < 0.0 { growth.min(c) } else { growth };
             let third = (6.0 * growth * growth + 2.0 * P::CURVATURE * c * c).max(2.0 * c * c);
             lean * third * (2.0 * growth * t).exp()
-        })
+        };
+        // Convex, but where m reaches 1.
+        if P::CURVATURE < 0.0 { arc_bounds(limit, tolerance, third)[1] } else { longest_arc(limit, tolerance, third) }
     }
 
     fn parameter(&self, g: Geodesic, c: DVec3) -> f64 {

@@ -382,15 +382,18 @@ impl Geometry for Sl2 {
     /// The chart's third derivative at the start has a closed form (`third_derivative`). Along the geodesic its metric
     /// length changes at a rate of at most `6.12 r²`, r the speed of the base point, and the logarithm of the metric's length
     /// of a chart vector at a rate of at most `r (0.31 + 2 tanh d)` and of `2r`, d the base point's distance from the
-    /// origin (maxima over all directions and distances, found numerically); tanh d grows by at most h over a step. So over
-    /// a step h it is at most `(j + 6.12 r² h) exp(r h min(0.31 + 2 (tanh d + h), 2))`, wherever it is measured.
+    /// origin (maxima over all directions and distances, found numerically); tanh d grows by at most x while the base point
+    /// goes a way x. So over a step h it is at most `(j + 6.12 r² h) exp E`, wherever it is measured, E the integral of
+    /// `min(0.31 + 2 (tanh d + x), 2)` from x = 0 to rh.
     fn arc(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
         let (p, v) = (g.point, turn(g.point.z).rotate(g.velocity.xy()));
         let (speed, far) = (v.length(), p.xy().length() / p.w);
+        let (rate, rising) = ((0.31 + 2.0 * far).min(2.0), (0.845 - far).max(0.0));
         let third = frame_length(p, third_derivative(p, v, g.velocity.z));
         longest_arc(u_max.min(HORIZON), tolerance, |h| {
-            let distortion = speed * (0.31 + 2.0 * (far + h)).min(2.0);
-            (third + 6.12 * speed * speed * h) * (distortion * h).exp()
+            let way = speed * h;
+            let risen = way.min(rising);
+            (third + 6.12 * speed * way) * (rate * way + risen * (2.0 * way - risen)).exp()
         })
     }
 
