@@ -163,8 +163,8 @@ float geo_arc(Geodesic g, float u_max, float tolerance) {
     float lean = w * abs(2.0 * squares.x - squares.y);
     float growth = 4.0 * w * w * square;
     float deviation = tolerance / (1.0 + 0.25 * tolerance);
-    float most = m_arc(length(vec2(turn, lean)), deviation, u_max);
-    return m_arc_between(most, m_arc(length(vec2(turn, lean + growth * most)), deviation, u_max));
+#define NIL_THIRD(h) length(vec2(turn, lean + growth * (h)))
+    M_RETURN_LONGEST_ARC(NIL_THIRD, deviation, u_max);
 }
 
 float geo_parameter(Geodesic g, vec3 c) {

@@ -286,8 +286,8 @@ float geo_arc(Geodesic g, float u_max, float tolerance) {
     float distance = length(p.xy) / p.w;
     float third = sl2_frame_length(p, sl2_third_derivative(p, v, g.velocity.z));
     float limit = min(u_max, SL2_HORIZON);
-    float most = m_arc(third, tolerance, limit);
-    return m_arc_between(most, m_arc(sl2_third(third, speed, distance, most), tolerance, limit));
+#define SL2_THIRD(h) sl2_third(third, speed, distance, h)
+    M_RETURN_LONGEST_ARC(SL2_THIRD, tolerance, limit);
 }
 
 float geo_parameter(Geodesic g, vec3 c) {

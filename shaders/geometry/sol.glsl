@@ -352,8 +352,8 @@ float geo_arc(Geodesic g, float u_max, float tolerance) {
     vec2 across = v.xy * (2.0 * square.z + square.yx - square.xy);
     float third = 2.0 * length(vec3(across, v.z * (square.x + square.y)));
     float limit = min(u_max, SOL_HORIZON);
-    float most = m_arc(third, tolerance, limit);
-    return m_arc_between(most, m_arc((third + 2.93 * most) * exp(most), tolerance, limit));
+#define SOL_THIRD(h) ((third + 2.93 * (h)) * exp(h))
+    M_RETURN_LONGEST_ARC(SOL_THIRD, tolerance, limit);
 }
 
 float geo_parameter(Geodesic g, vec3 c) {

@@ -216,4 +216,19 @@ float m_arc_between(float most, float least) {
     return least * (1.0 + 0.65 * apart * apart);
 }
 
+// Returns the longest arc by a convex bound THIRD(h) that may rise by far: bounds far apart are looked for again. Asked before the
+// loop: software that runs invocations in lockstep enters a loop even if none of them does.
+const float M_ARC_APART = 1.0 / 3.0;
+const int M_ARC_ROUNDS = 4;
+#define M_RETURN_LONGEST_ARC(THIRD, tolerance, limit) \
+    float most = m_arc(THIRD(0.0), tolerance, limit); \
+    float least = m_arc(THIRD(most), tolerance, limit); \
+    if (least < M_ARC_APART * most) { \
+        for (int i = 1; i < M_ARC_ROUNDS && least < M_ARC_APART * most; i++) { \
+            most = m_arc(THIRD(m_arc_between(most, least)), tolerance, limit); \
+            least = m_arc(THIRD(most), tolerance, limit); \
+        } \
+    } \
+    return m_arc_between(most, least)
+
 #endif

@@ -68,22 +68,35 @@ pub(super) fn before_passage(value: f64, rate: f64) -> Option<f64> {
 
 /// Bounds of the largest `h ≤ limit` with `third(h) h³/96 ≤ tolerance`, from above and from below, where `third(h)`, growing
 /// with `h`, bounds the metric length of the chart's third derivative over a step `h`, measured at any point of the step: how
-/// far an [`Segment`](super::Segment) may reach. What `h = 0` allows is too long, and what that allows too short.
-pub(super) fn arc_bounds(limit: f64, tolerance: f64, third: impl Fn(f64) -> f64) -> [f64; 2] {
+/// far an [`Segment`](super::Segment) may reach. What an h `within` that reach allows, such as 0, is too long, and what that
+/// allows too short.
+pub(super) fn arc_bounds(within: f64, limit: f64, tolerance: f64, third: impl Fn(f64) -> f64) -> [f64; 2] {
     // A root in f32 is good enough, and many times cheaper: this is done for every segment.
     let root = |cube: f64| f64::from((cube as f32).cbrt()) * (1.0 - 1e-6);
     let allowed = |h: f64| root(96.0 * tolerance / third(h).max(1e-30)).min(limit);
-    let most = allowed(0.0);
+    let most = allowed(within);
     [most, allowed(most)]
 }
 
-/// The same for a convex `third`, on the safe side: 2 % short at most where the bounds `r` apart, `r = least/most`, are no farther
-/// apart than by a factor of 3. A convex bound lies below its chord from 0 to `most`, which allows `x most` with
-/// `(r⁻³ − 1) x⁴ + x³ = 1`; and `r (1 + 0.65 (1 − r)²)` is no more than that `x` for any `r`.
+/// Bounds whose ratio is less than this are looked for again, so often at most: there are few, where a curve that begins as a
+/// straight line in the chart does not go on so.
+const ARC_APART: f64 = 1.0 / 3.0;
+const ARC_ROUNDS: u32 = 4;
+
+/// The largest such `h` for a convex `third`, on the safe side. A convex function lies below its chord from 0 to the upper bound
+/// `most`, and the chord allows `x most` with `(r⁻³ − 1) x⁴ + x³ = 1`, where `r` is the ratio of the bounds. No more than that `x`,
+/// and less by 1 % at most if `r ≥ 1/3`, is `r (1 + 0.65 (1 − r)²)`.
 pub(super) fn longest_arc(limit: f64, tolerance: f64, third: impl Fn(f64) -> f64) -> f64 {
-    let [most, least] = arc_bounds(limit, tolerance, third);
-    let apart = 1.0 - least / most;
-    least * (1.0 + 0.65 * apart * apart)
+    let mut arc = 0.0;
+    for _ in 0..ARC_ROUNDS {
+        let [most, least] = arc_bounds(arc, limit, tolerance, &third);
+        let apart = 1.0 - least / most;
+        arc = least * (1.0 + 0.65 * apart * apart);
+        if least >= ARC_APART * most {
+            break;
+        }
+    }
+    arc
 }
 
 /// Curve parameter of the curve's point nearest to a chart point: Gauss–Newton, quadratic where the point is on the
@@ -207,4 +220,36 @@ pub(super) fn first_passage(q: f64, start: f64, rate: f64, bend: f64) -> f64 {
     let root = discriminant.sqrt();
     let (numerator, denominator) = if rate > ALONG_FACE { (-start, rate + root) } else { (root - rate, bend) };
     2.0 * artanh_over(q, numerator, denominator)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Arcs are no longer than a convex bound allows, whatever the limit, and hardly shorter where the bound is its chord.
+    #[test]
+    fn curved_arcs_are_as_long_as_allowed() {
+        let mut nearly = 0;
+        for growth in [0.0, 0.01, 0.3, 1.0, 3.0, 10.0, 1e3, 1e6] {
+            let bounds: [&dyn Fn(f64) -> f64; 3] = [&|h| 1.0 + growth * h, &|h| (growth.min(2.0) * h).exp(), &|h| {
+                (1.0 + growth * growth * h * h).sqrt()
+            }];
+            for (which, third) in bounds.iter().enumerate() {
+                for (limit, tolerance) in [(f64::INFINITY, 1e-3), (f64::INFINITY, 1e-2), (0.3, 1e-3), (0.01, 1e-2)] {
+                    let reaches = |h: f64| third(h) * h.powi(3) / 96.0;
+                    let [most, least] = arc_bounds(0.0, limit, tolerance, third);
+                    let arc = longest_arc(limit, tolerance, third);
+                    let case = format!("bound {which}, growth {growth}, limit {limit}: {least} {arc} {most}");
+                    assert!(0.0 < least && least <= arc && arc <= most && most <= limit, "{case}");
+                    assert!(reaches(arc) <= tolerance, "{case}: {:e}", reaches(arc));
+                    assert!(arc == limit || reaches(1.3 * arc) > tolerance, "{case} is far too short");
+                    if which == 0 && limit.is_infinite() && 3.0 * least >= most {
+                        assert!(reaches(1.01 * arc) > tolerance, "{case} is short");
+                        nearly += 1;
+                    }
+                }
+            }
+        }
+        assert!(nearly > 8);
+    }
 }

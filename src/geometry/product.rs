@@ -287,7 +287,11 @@ impl<P: Product> Geometry for P {
             lean * third * (2.0 * growth * t).exp()
         };
         // Convex, but where m reaches 1.
-        if P::CURVATURE < 0.0 { arc_bounds(limit, tolerance, third)[1] } else { longest_arc(limit, tolerance, third) }
+        if P::CURVATURE < 0.0 {
+            arc_bounds(0.0, limit, tolerance, third)[1]
+        } else {
+            longest_arc(limit, tolerance, third)
+        }
     }
 
     fn parameter(&self, g: Geodesic, c: DVec3) -> f64 {
