@@ -231,9 +231,8 @@ mod tests {
     fn curved_arcs_are_as_long_as_allowed() {
         let mut nearly = 0;
         for growth in [0.0, 0.01, 0.3, 1.0, 3.0, 10.0, 1e3, 1e6] {
-            let bounds: [&dyn Fn(f64) -> f64; 3] = [&|h| 1.0 + growth * h, &|h| (growth.min(2.0) * h).exp(), &|h| {
-                (1.0 + growth * growth * h * h).sqrt()
-            }];
+            let bounds: [&dyn Fn(f64) -> f64; 3] =
+                [&|h| 1.0 + growth * h, &|h| (growth.min(2.0) * h).exp(), &|h| (1.0 + growth * growth * h * h).sqrt()];
             for (which, third) in bounds.iter().enumerate() {
                 for (limit, tolerance) in [(f64::INFINITY, 1e-3), (f64::INFINITY, 1e-2), (0.3, 1e-3), (0.01, 1e-2)] {
                     let reaches = |h: f64| third(h) * h.powi(3) / 96.0;
