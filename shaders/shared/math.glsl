@@ -211,8 +211,9 @@ float m_arc(float third, float tolerance, float limit) {
 }
 
 // The longest arc between these two, on the safe side if the bound is convex: see longest_arc in src/geometry/curved.rs.
+// A limit may be 0, or less by a rounding.
 float m_arc_between(float most, float least) {
-    float apart = 1.0 - least / most;
+    float apart = (most - least) / max(most, 1e-30);
     return least * (1.0 + 0.65 * apart * apart);
 }
 

@@ -90,7 +90,8 @@ pub(super) fn longest_arc(limit: f64, tolerance: f64, third: impl Fn(f64) -> f64
     let mut arc = 0.0;
     for _ in 0..ARC_ROUNDS {
         let [most, least] = arc_bounds(arc, limit, tolerance, &third);
-        let apart = 1.0 - least / most;
+        // A limit may be 0, or less by a rounding.
+        let apart = (most - least) / most.max(f64::MIN_POSITIVE);
         arc = least * (1.0 + 0.65 * apart * apart);
         if least >= ARC_APART * most {
             break;
@@ -250,5 +251,8 @@ mod tests {
             }
         }
         assert!(nearly > 8);
+        for limit in [0.0, -1e-9] {
+            assert_eq!(longest_arc(limit, 1e-3, |h| 1.0 + h), limit);
+        }
     }
 }
