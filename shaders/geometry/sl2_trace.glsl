@@ -166,7 +166,9 @@ float geo_arc(Geodesic g, float u_max, float tolerance) {
     float slope = m_atan(abs(g.point.y), abs(1.0 + g.point.x));
     float limit = min(u_max, 0.5 * (M_HALF_PI - slope) / norm);
     float most = m_arc(sl2_trace_third(q, slope, norm, 0.0), tolerance, limit);
-    return m_arc_between(most, m_arc(sl2_trace_third(q, slope, norm, most), tolerance, limit));
+    float near = m_arc_between(most, m_arc(sl2_trace_third(q, slope, norm, most), tolerance, limit));
+    most = m_arc(sl2_trace_third(q, slope, norm, near), tolerance, limit);
+    return m_arc(sl2_trace_third(q, slope, norm, most), tolerance, limit);
 }
 
 float geo_parameter(Geodesic g, vec3 c) {

@@ -211,9 +211,9 @@ float m_arc(float third, float tolerance, float limit) {
 }
 
 // The longest arc between these two, on the safe side if the bound is convex: see longest_arc in src/geometry/curved.rs.
-// A limit may be 0, or less by a rounding.
+// Both may be the limit: 0, or less by a rounding, or infinite.
 float m_arc_between(float most, float least) {
-    float apart = (most - least) / max(most, 1e-30);
+    float apart = least < most ? 1.0 - least / most : 0.0;
     return least * (1.0 + 0.65 * apart * apart);
 }
 

@@ -90,8 +90,8 @@ pub(super) fn longest_arc(limit: f64, tolerance: f64, third: impl Fn(f64) -> f64
     let mut arc = 0.0;
     for _ in 0..ARC_ROUNDS {
         let [most, least] = arc_bounds(arc, limit, tolerance, &third);
-        // A limit may be 0, or less by a rounding.
-        let apart = (most - least) / most.max(f64::MIN_POSITIVE);
+        // Both may be the limit: 0, or less by a rounding, or infinite.
+        let apart = if least < most { 1.0 - least / most } else { 0.0 };
         arc = least * (1.0 + 0.65 * apart * apart);
         if least >= ARC_APART * most {
             break;
@@ -254,5 +254,6 @@ mod tests {
         for limit in [0.0, -1e-9] {
             assert_eq!(longest_arc(limit, 1e-3, |h| 1.0 + h), limit);
         }
+        assert_eq!(longest_arc(f64::INFINITY, f64::INFINITY, |h| 1.0 + h), f64::INFINITY);
     }
 }

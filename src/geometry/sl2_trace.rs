@@ -16,7 +16,9 @@
 
 use super::{
     Elementary, Geodesic, Geometry, Isometry, Quadric, Real, Real3, Real4, RealGeodesic,
-    curved::{artanh_over, cosh_sinhc, first_passage, integrals, longest_arc, nearest_parameter, wave_area},
+    curved::{
+        arc_bounds, artanh_over, cosh_sinhc, first_passage, integrals, longest_arc, nearest_parameter, wave_area,
+    },
 };
 use glam::{DMat2, DMat3, DMat4, DVec2, DVec3, DVec4, Vec4Swizzles};
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
@@ -248,10 +250,12 @@ impl Geometry for Sl2Trace {
         let (norm, q) = (framed(g.velocity).length(), square(g.velocity).abs());
         let slope = (g.point.y / (1.0 + g.point.x)).abs().atan();
         let limit = u_max.min(0.5 * (std::f64::consts::FRAC_PI_2 - slope) / norm);
-        longest_arc(limit, tolerance, |h| {
+        let third = |h: f64| {
             let beta = (slope + norm * h).tan();
             q * norm * (norm * h * (1.0 + beta.hypot(1.0))).exp()
-        })
+        };
+        // The bound counts what lies along the curve as well, so arcs are short: the most is made of it.
+        arc_bounds(longest_arc(limit, tolerance, third), limit, tolerance, third)[1]
     }
 
     fn parameter(&self, g: Geodesic, c: DVec3) -> f64 {
