@@ -274,9 +274,10 @@ float sl2_frame_length(vec4 p, vec3 dc) {
 
 // Bound of the third derivative over a step h: see the twin.
 float sl2_third(float third, float speed, float distance, float h) {
+    float rate = min(0.31 + 2.0 * distance, 2.0);
     float way = speed * h;
-    float risen = min(way, max(0.845 - distance, 0.0));
-    return (third + 6.12 * speed * way) * exp(min(0.31 + 2.0 * distance, 2.0) * way + risen * (2.0 * way - risen));
+    float risen = min(way, 1.0 - 0.5 * rate);
+    return (third + 6.12 * speed * way) * exp(rate * way + risen * (2.0 * way - risen));
 }
 
 float geo_arc(Geodesic g, float u_max, float tolerance) {

@@ -165,6 +165,7 @@ float geo_arc(Geodesic g, float u_max, float tolerance) {
     float q = abs(sl2_trace_square(g.velocity));
     float slope = m_atan(abs(g.point.y), abs(1.0 + g.point.x));
     float limit = min(u_max, 0.5 * (M_HALF_PI - slope) / norm);
+    // The bound rises by a factor of e^1.9 at most up to the limit, so that its bounds of the arc are never far apart.
     float most = m_arc(sl2_trace_third(q, slope, norm, 0.0), tolerance, limit);
     float near = m_arc_between(most, m_arc(sl2_trace_third(q, slope, norm, most), tolerance, limit));
     most = m_arc(sl2_trace_third(q, slope, norm, near), tolerance, limit);

@@ -217,10 +217,12 @@ float m_arc_between(float most, float least) {
     return least * (1.0 + 0.65 * apart * apart);
 }
 
-// Returns the longest arc by a convex bound THIRD(h) that may rise by far: bounds far apart are looked for again. Asked before the
-// loop: software that runs invocations in lockstep enters a loop even if none of them does.
+// Bounds whose ratio is less than this are looked for again, so often at most.
 const float M_ARC_APART = 1.0 / 3.0;
 const int M_ARC_ROUNDS = 4;
+
+// Returns the longest arc by a convex bound THIRD(h) that may rise by more than the cube of 3. Asked before the loop: software that
+// runs invocations in lockstep enters a loop even if none of them does.
 #define M_RETURN_LONGEST_ARC(THIRD, tolerance, limit) \
     float most = m_arc(THIRD(0.0), tolerance, limit); \
     float least = m_arc(THIRD(most), tolerance, limit); \

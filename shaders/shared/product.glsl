@@ -177,6 +177,7 @@ float geo_arc(Geodesic g, float u_max, float tolerance) {
     float lean = c * abs(g.velocity.z);
     float start = abs(g.velocity.w / g.point.w);
     float limit = min(0.45 / max(c + 1.1 * start, 1e-30), u_max);
+    // The bound rises by a factor of 15 at most up to the limit, so that its bounds of the arc are never far apart.
     float most = m_arc(product_third(0.0, lean, start, c), tolerance, limit);
     float least = m_arc(product_third(most, lean, start, c), tolerance, limit);
     return PRODUCT_CURVATURE < 0.0 ? least : m_arc_between(most, least);

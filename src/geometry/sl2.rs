@@ -388,7 +388,9 @@ impl Geometry for Sl2 {
     fn arc(&self, g: Geodesic, u_max: f64, tolerance: f64) -> f64 {
         let (p, v) = (g.point, turn(g.point.z).rotate(g.velocity.xy()));
         let (speed, far) = (v.length(), p.xy().length() / p.w);
-        let (rate, rising) = ((0.31 + 2.0 * far).min(2.0), (0.845 - far).max(0.0));
+        // The rate of the metric's length at the start, and the way on which it rises, by 2 for each unit, to 2.
+        let rate = (0.31 + 2.0 * far).min(2.0);
+        let rising = 1.0 - 0.5 * rate;
         let third = frame_length(p, third_derivative(p, v, g.velocity.z));
         longest_arc(u_max.min(HORIZON), tolerance, |h| {
             let way = speed * h;
